@@ -267,7 +267,7 @@ COMMANDS: tuple[Command, ...] = (
             does="step_sample", given=1),
     Command("previous_sample", "comma", "Sample before", "cursor to the sample before", "Plots", _PLOTS,
             does="step_sample", given=-1),
-    Command("find", "f", "Find", "the highest, a crossing, a change, nan, a hole ...", "Plots", _PLOTS, 4),
+    Command("find", "f", "Find", "what is typed: > 5, last above 5, highest, hole, -3s ...", "Plots", _PLOTS, 4),
     Command("next_found", "right_square_bracket", "Next found",
             "next of what was looked for; else the highest, or the next change", "Plots", _PLOTS, does="find_on",
             given=1),

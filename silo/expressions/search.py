@@ -22,7 +22,7 @@ UP, DOWN = 5 / 8, 3 / 8  # of what a signal spans: a swing goes over the one and
 @dataclass(frozen=True)
 class Looking:
     """What one looks for: a crossing of `level`, with `direction` 1 rising, -1 falling, 0 either way; with peaks -1
-    are troughs.
+    are troughs, of what is outside -1 are the last samples that are.
 
     `bounds` are the smallest and the largest value inside; a hole is a time without sample that is longer than 1.5
     `period_ns`.
@@ -84,7 +84,7 @@ def places(looking: Looking, time_ns: NDArray[np.int64], values: NDArray[Any], e
         outside = np.zeros(len(offsets), np.bool_)
         outside |= False if low is None else offsets < low
         outside |= False if high is None else offsets > high
-        return run_begins(outside)
+        return run_ends(outside) if looking.direction < 0 else run_begins(outside)
     if what is Sought.CROSSING:
         # the level moves to the base: it is the float, the samples are exact
         return _crossings(offsets, looking.level - found.base, looking.direction)
@@ -97,6 +97,11 @@ def places(looking: Looking, time_ns: NDArray[np.int64], values: NDArray[Any], e
 def run_begins(here: NDArray[np.bool_]) -> Places:
     """Return where each unbroken run begins."""
     return np.flatnonzero(here & ~np.concatenate([[False], here[:-1]]))
+
+
+def run_ends(here: NDArray[np.bool_]) -> Places:
+    """Return where each unbroken run ends."""
+    return np.flatnonzero(here & ~np.concatenate([here[1:], [False]]))
 
 
 def _changes(values: NDArray[Any]) -> Places:
@@ -213,10 +218,17 @@ class Finder:
             found = places(self.looking, time_ns, values, ends)
         if what is Sought.HOLE:
             self._keep(time_ns[found], np.diff(time_ns)[found])
+        elif self._finds_ends:  # the newest may be none: the next block tells
+            found = found[found < len(values) - 1]
+            self._keep(time_ns[found], values[found])
         else:
             found = found[found >= old]  # of the tail it was said before
             self._keep(time_ns[found], values[found])
         self._remember(time_ns, values, still)
+
+    @property
+    def _finds_ends(self) -> bool:
+        return self.looking.what is Sought.OUTSIDE and self.looking.direction < 0
 
     def _extremes(self, values: NDArray[Any]) -> Places:
         if values.dtype.kind in "SUV":
@@ -265,6 +277,10 @@ class Finder:
     @property
     def found(self) -> FoundMoments:
         """What was found in all blocks: as many on both sides, but where one has less."""
+        if self._finds_ends and self._tail is not None:  # nothing comes behind the newest
+            (time_ns, values), self._tail = self._tail, None
+            ends = places(self.looking, time_ns, values)
+            self._keep(time_ns[ends], values[ends])
         before, behind = self._counts
         late = min(behind, max(self._most - self._most // 2, self._most - before))
         kept = min(before, self._most - late)

@@ -59,6 +59,8 @@ def sought_one_by_one(looking, values):
     }
     if looking.what in says:
         here = [says[looking.what](value) for value in values]
+        if looking.what is Sought.OUTSIDE and looking.direction < 0:
+            return [at for at, one in enumerate(here) if one and not any(here[at + 1 : at + 2])]
         return [at for at, one in enumerate(here) if one and not (at and here[at - 1])]
     if looking.what is Sought.PEAK:
         return peaks_one_by_one([-value if looking.direction < 0 else value for value in values])

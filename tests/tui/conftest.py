@@ -40,7 +40,7 @@ from silo_tui.menus import MenuReader
 from silo_tui.modal import Behind
 from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.screens import elements
-from silo_tui.screens.dialogs.find import ConditionDialog
+from silo_tui.screens.dialogs.find import FindDialog
 from silo_tui.screens.dialogs.form import Form
 from silo_tui.screens.dialogs.limits import LimitsDialog
 from silo_tui.screens.dialogs.trigger_editor import TriggerEditor
@@ -219,7 +219,7 @@ def looked_at_at_once() -> Iterator[None]:
         for module in (elements, detail, plot_screen):
             patch.setattr(module, "DEBOUNCE_S", 0.01)
         patch.setattr(opening, "LOOK_S", 0.01)  # for loggers
-        for form in (Form, ConditionDialog, LimitsDialog, TriggerEditor):
+        for form in (Form, FindDialog, LimitsDialog, TriggerEditor):
             patch.setattr(form, "AFTER_S", 0.01)
         yield
 

@@ -435,7 +435,7 @@ async def test_plots_have_a_line_and_a_letter_where_something_happened_and_keys_
     async with opened(running) as screen:
         await screen.plot("m")
         await screen.until(lambda: "╎" in screen.text and "M" in screen.text.splitlines()[-3], "a line and its letter")
-        await screen.do("space", "find", "m")
+        await screen.do("space", "find", "m", "enter")
         await screen.shows("marker, 1 of 1")
         assert screen.app.screen.window.at_ns == running.happened[1].at_ns
         await screen.do("next_event")

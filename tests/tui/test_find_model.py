@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo.expressions.span import Measuring, between
-from silo_tui.model.samples.find import Search, What, neighbour, parse_crossing, places_of
+from silo_tui.model.samples.find import Search, What, neighbour, parse_find, places_of
 
 PERIOD = 10
 values = st.lists(st.sampled_from([0.0, 1.0, 2.5, -3.0, 7.0, math.nan, math.inf, -math.inf]), max_size=30)
@@ -54,7 +54,17 @@ def naive(search, samples):
 @settings(deadline=None, max_examples=300)
 @given(values, st.sampled_from(list(What)), st.sampled_from([-3.0, 0.0, 1.5, 7.0]), st.sampled_from([-1, 0, 1]))
 def test_every_search_finds_what_a_loop_finds(samples, what, level, direction):
-    if what in {What.HOLE, What.OUTSIDE, What.TRIGGER, What.MARKER, What.CONDITION, What.PEAK}:  # others find these
+    if what in {
+        What.HOLE,
+        What.OUTSIDE,
+        What.TRIGGER,
+        What.MARKER,
+        What.CONDITION,
+        What.PEAK,
+        What.BEYOND,
+        What.MOMENT,
+        What.SIGNAL,
+    }:  # others find these
         return
     search = Search(what, level, direction)
     assert found(search, samples) == naive(search, samples)
@@ -92,16 +102,43 @@ def test_next_and_before_never_return_the_moment_itself():
     assert neighbour([], 30, -1) is None
 
 
-def test_a_level_is_typed_with_its_direction():
-    assert parse_crossing(" >20 ") == Search(What.CROSSING, 20.0, 1)
-    assert parse_crossing("<-1e-3") == Search(What.CROSSING, -1e-3, -1)
-    told = [parse_crossing(words).words for words in (">20", "<-1e-3", "5")]
-    assert told == ["crossing of 20 rising", "crossing of -0.001 falling", "crossing of 5 either way"]
-    assert parse_crossing("0").direction == 0
-    with pytest.raises(ValueError, match="'fast' is no number"):
-        parse_crossing("fast")
-    with pytest.raises(ValueError, match="nothing crosses nan"):
-        parse_crossing("nan")
+@pytest.mark.parametrize(
+    ("typed", "search", "words"),
+    [
+        (" >20 ", Search(What.CROSSING, 20.0, 1), "rises above 20"),
+        ("above 5", Search(What.CROSSING, 5.0, 1), "rises above 5"),
+        ("<-1e-3", Search(What.CROSSING, -1e-3, -1), "falls below -0.001"),
+        ("0", Search(What.CROSSING, 0.0), "crosses 0"),
+        ("last above 5", Search(What.BEYOND, 5.0, 1, begin=-1), "last above 5"),
+        ("First < .5", Search(What.BEYOND, 0.5, -1, begin=1), "first below 0.5"),
+        ("last 5", Search(What.CROSSING, 5.0, begin=-1), "last crosses 5"),
+        ("h", Search(What.HIGHEST), "highest"),
+        ("* Max", Search(What.HIGHEST, everywhere=True), "highest"),
+        ("last gap", Search(What.HOLE, begin=-1), "last hole"),
+        ("-3s", Search(What.MOMENT, condition="-3s"), ""),
+        ("at 12.5", Search(What.MOMENT, condition="12.5"), ""),
+        ("13:07:32", Search(What.MOMENT, condition="13:07:32"), ""),
+        ("above 5 Nm", Search(What.CONDITION, condition="> 5 Nm"), "> 5 Nm"),
+        ("q above 5 and x < 2", Search(What.CONDITION, condition="q > 5 and x < 2"), "q > 5 and x < 2"),
+        ("LF/torque", Search(What.SIGNAL, condition="LF/torque"), "LF/torque"),
+        ("last", "last of what?", ""),
+        ("> nan", "nothing crosses nan", ""),
+    ],
+)  # fmt: skip
+def test_what_is_looked_for_is_typed_in_words(typed, search, words):
+    if isinstance(search, str):
+        with pytest.raises(ValueError, match=search):
+            parse_find(typed)
+    else:
+        assert parse_find(typed) == search
+        assert parse_find(typed).words == words or not words
+
+
+def test_the_last_moment_above_a_value_is_the_last_sample_that_is():
+    samples = [0.0, 7.0, 8.0, 5.0, 6.0, math.nan, 6.5]
+    assert found(parse_find("last above 5"), samples) == [2, 4, 6]  # in order: it begins with the last
+    assert found(parse_find("first above 5"), samples) == [1, 4, 6]
+    assert found(parse_find("last below 5"), samples) == [0]
 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40), st.integers(0, 400), st.integers(0, 400))

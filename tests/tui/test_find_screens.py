@@ -73,9 +73,9 @@ async def test_samples_holes_and_the_highest_are_few_keys_away_and_exact_and_ste
     monitor, monkeypatch
 ):
     async with monitor("LF/torque") as (screen, shown):
-        await screen.do("find", "x")
+        await screen.do("find")
         await screen.enter("fast")
-        await screen.shows("is no number")
+        await screen.shows("no element is called 'fast'")
         await screen.press("escape")
         await screen.shows("whole file")
         await screen.do("home", "next_sample", "next_sample", "previous_sample")
@@ -83,12 +83,12 @@ async def test_samples_holes_and_the_highest_are_few_keys_away_and_exact_and_ste
         await screen.do("home", "next_event")
         await screen.shows("1 s without sample")
         assert shown.file.time_ns == START_NS + 2999 * STEP_NS
-        await screen.do("find", "n")
+        await screen.do("find", "n", "enter")
         await screen.shows("nan or inf: none in 11 s held")
-        await screen.do("find", "t")
+        await screen.do("find", "t", "enter")
         await screen.shows("trigger fired: none in 11 s held")
-        await screen.do("find", "h")
-        await screen.shows("highest, 1 of 1: 40")
+        await screen.do("find", "h", "enter")
+        await screen.shows("highest in /LF/torque, 1 of 1: 40")
         assert shown.file.time_ns == START_NS + 2345 * STEP_NS
         assert shown.window.cursor is not None
         await screen.do("home", "next_sample")
@@ -111,12 +111,12 @@ async def test_samples_holes_and_the_highest_are_few_keys_away_and_exact_and_ste
 
 async def test_who_steps_on_from_the_highest_is_led_to_the_peaks(monitor):
     async with monitor("RF/torque") as (screen, shown):
-        await screen.do("find", "h")
-        await screen.shows("highest, ")
+        await screen.do("find", "h", "enter")
+        await screen.shows("highest in /RF/torque, ")
         for _ in range(20):
             await screen.do("next_found")
-        await screen.shows("finds each peak")
-        await screen.do("find", "p")
+        await screen.shows("f peak finds each")
+        await screen.do("find", "p", "enter")
         await screen.shows("peak of a swing, ")
         for at in (8, 7, 6, 5):
             await screen.do("previous_found")
@@ -126,7 +126,7 @@ async def test_who_steps_on_from_the_highest_is_led_to_the_peaks(monitor):
 
 async def test_where_a_condition_of_any_signals_turns_true_is_found_by_a_form_that_keeps_what_is_typed(monitor):
     async with monitor("position") as (screen, _):
-        await screen.do("find", "w")
+        await screen.do("find")
         await screen.type("LF/torqe > 0.5")
         await screen.shows("LF/torque'")
         await screen.press("enter", *["left"] * 7, "u")
@@ -136,8 +136,8 @@ async def test_where_a_condition_of_any_signals_turns_true_is_found_by_a_form_th
         await screen.shows("([ before)")  # of the last one nothing leads on
         await screen.do("previous_found", "previous_found")
         await screen.shows("9 of 11")
-        await screen.do("find", "w")
-        assert screen.app.screen.fields == {"when": "LF/torque > 0.5"}
+        await screen.do("find")
+        assert screen.app.screen.fields == {"find": "LF/torque > 0.5"}
 
 
 async def test_of_a_condition_that_nothing_tells_a_file_says_that_it_was_blind():
@@ -158,7 +158,7 @@ async def test_where_a_condition_turns_true_does_not_depend_on_how_much_is_judge
 @pytest.mark.parametrize(
     ("fires", "times_s", "begin_s", "says"),
     [
-        (0, [], 21, "has overwritten what is held here; f x looks for a crossing there"),
+        (0, [], 21, "has overwritten what is held here; f > 5 looks for a value there"),
         (2000, range(21, 30), 0, "none, only later ones are told"),
         (0, [], 0, "none in 20 s held"),
         (0, [], 5, "none in 15 s held; not looked through further: only the newest 15 s can be searched"),
@@ -179,7 +179,7 @@ def test_of_a_pause_it_is_told_what_a_test_of_now_says_nothing_of(fires, times_s
         (
             [30],
             25,
-            "blind: the logger, which judges it, has overwritten what is held here; f x looks for a crossing there",
+            "blind: the logger, which judges it, has overwritten what is held here; f > 5 looks for a value there",
         ),
     ],
 )
@@ -199,7 +199,7 @@ async def test_before_the_oldest_moment_that_is_told_it_says_how_many_there_are_
         return TriggerTried(1500, [400, 800], [START_NS + 10**9, START_NS + 2 * 10**9], 0, 1, START_NS, end_ns)
 
     async with monitor("position") as (screen, shown):
-        await screen.do("find", "w")
+        await screen.do("find")
         await screen.until(lambda: screen.app.screen.is_modal, "the form")
         shown.session.turns_true = newest_two
         await screen.type("LF/torque > 0.5")
@@ -237,12 +237,9 @@ async def test_a_condition_that_is_judged_in_a_file_for_nobody_any_more_reads_no
 
 async def test_brackets_go_from_crossing_to_crossing_a_star_looks_in_all_plots_and_a_key_makes_one_of_them(monitor):
     async with monitor("LF/torque", "RF/torque") as (screen, shown):
-        await screen.do("home", "find", "x")
-        await screen.shows("Enter finds it")
-        for _ in range(12):
-            await screen.press("backspace")
+        await screen.do("home", "find")
         await screen.enter(">0.5")
-        await screen.shows("crossing of 0.5 rising in /LF/torque, 1 of")
+        await screen.shows("rises above 0.5 in /LF/torque, 1 of")
         first = shown.file.time_ns
         assert first == START_NS + 34 * STEP_NS  # sin(pi / 6) lies between ticks 33 and 34
         await screen.do("next_found")
@@ -250,11 +247,8 @@ async def test_brackets_go_from_crossing_to_crossing_a_star_looks_in_all_plots_a
         await screen.do("previous_found")
         await screen.until(lambda: shown.file.time_ns == first, "the one before")
         await screen.do("home", "find")
-        await screen.shows("Find a moment in /LF/torque, by its letter")
-        for words in ("all 2 signals", "/LF/torque", "all 2 signals"):
-            await screen.press("*")
-            await screen.shows(f"Find a moment in {words}")
-        await screen.press("h")
+        await screen.shows("in all 2 signals that are plotted")
+        await screen.enter("* highest")
         await screen.shows("of 11")  # ten times one, once forty
         await screen.until(lambda: " Join" in screen.text.splitlines()[-1])
         await screen.do("join_plots")
@@ -277,8 +271,8 @@ async def test_what_a_plot_is_joined_with_stands_in_the_menu_and_after_it_the_ke
 
 async def test_moments_of_several_signals_at_one_time_are_each_gone_to_and_two_cursors_tell_what_lies_between(monitor):
     async with monitor("LF/torque", "position", size=(120, 40)) as (screen, _):
-        await screen.do("home", "find", "asterisk")
-        await screen.press("g")
+        await screen.do("home", "find")
+        await screen.enter("*hole")
         await screen.shows("hole in /LF/torque, 1 of 2")
         await screen.do("next_found")
         await screen.shows("hole in /position, 2 of 2")

@@ -5,6 +5,7 @@ what happened.
 """
 
 import enum
+import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +22,7 @@ from silo_tui.model.words import text
 
 
 class What(enum.Enum):
-    """What one looks for; the value is its key."""
+    """What one looks for; the value is the letter that is short for it."""
 
     HIGHEST = "h"
     LOWEST = "l"
@@ -34,14 +35,16 @@ class What(enum.Enum):
     HOLE = "g"
     TRIGGER = "t"
     MARKER = "m"
+    BEYOND = "b"
     CONDITION = "w"
+    MOMENT = "a"
+    SIGNAL = "s"
 
 
 WORDS = {
     What.HIGHEST: "highest",
     What.LOWEST: "lowest",
     What.PEAK: "peak of a swing",
-    What.CROSSING: "crossing of a value, up or down",
     What.EDGE: "edge",
     What.CHANGE: "change",
     What.NOT_FINITE: "nan or inf",
@@ -49,8 +52,22 @@ WORDS = {
     What.HOLE: "hole",
     What.TRIGGER: "trigger fired",
     What.MARKER: "marker",
-    What.CONDITION: "where a condition turns true",
 }
+# what else is typed for them
+_TYPED = {
+    What.HIGHEST: "highest max maximum", What.LOWEST: "lowest min minimum", What.PEAK: "peak peaks",
+    What.EDGE: "edge edges", What.CHANGE: "change changes", What.NOT_FINITE: "nan inf",
+    What.OUTSIDE: "outside limit limits", What.HOLE: "hole holes gap gaps", What.TRIGGER: "trigger triggers fired",
+    What.MARKER: "marker markers mark marks",
+}  # fmt: skip
+_KINDS = {each: what for what, words in _TYPED.items() for each in (what.value, *words.split())}
+_WAYS = dict.fromkeys((">", ">=", "above", "over"), 1) | dict.fromkeys(("<", "<=", "below", "under"), -1)
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|[-+]?inf|nan"
+_LEVEL = re.compile(
+    rf"(?:is |rises |falls |crosses |crossing )?(above|over|[<>]=?|below|under|)\s*({_NUMBER})", re.IGNORECASE
+)
+_MOMENT = re.compile(r"at\s+(.+)|([-+]?[\d.]+\s*(?:[mun]?s|min|h)|\d{1,2}:\d\d\S*)")
+_SIGN = re.compile(r"[<>=!]|\b(?:and|or|not)\b")
 
 
 SOUGHT = {what: Sought[what.name] for what in What if what.name in Sought.__members__}  # in samples
@@ -86,9 +103,10 @@ def happened(
 
 @dataclass(frozen=True)
 class Search:
-    """What one looks for, and where; `direction` is 1 for rising, -1 for falling, 0 for either.
+    """What one looks for, and where; `direction` is 1 for rising or above, -1 for falling or below, 0 for either.
 
-    `condition` is an expression of any signals, `everywhere` plays no part for it. A hole is longer than `least_s`.
+    `condition` is an expression of any signals, `everywhere` plays no part for it; of a moment and a signal what was
+    typed. A hole is longer than `least_s`. It begins with the next one, the last (`begin` -1) or the first (1).
     """
 
     what: What
@@ -97,9 +115,13 @@ class Search:
     everywhere: bool = False
     condition: str = ""
     least_s: float = 0.0
+    begin: int = 0
 
     def looking(self, period_ns: int, bounds: Bounds = (None, None)) -> Looking | None:
         """Return what to look for in the samples of a signal; None for what is no matter of these."""
+        if self.what is What.BEYOND:  # of the last stretch its end, of the first where it begins
+            beyond = (None, self.level) if self.direction > 0 else (self.level, None)
+            return Looking(Sought.OUTSIDE, direction=self.begin, bounds=beyond, period_ns=period_ns)
         sought = SOUGHT.get(self.what)
         period_ns = max(period_ns, round(self.least_s * SECOND_NS / LONG_GAP))
         return Looking(sought, self.level, self.direction, bounds, period_ns) if sought is not None else None
@@ -107,23 +129,38 @@ class Search:
     @property
     def words(self) -> str:
         """The search as it is read."""
-        if self.what is not What.CROSSING:
-            return self.condition or WORDS[self.what]
-        way = {1: " rising", -1: " falling", 0: " either way"}[self.direction]
-        return f"crossing of {text.short(self.level, 6)}{way}"
+        level, begin = text.short(self.level, 6), {-1: "last ", 1: "first ", 0: ""}[self.begin]
+        if self.what is What.BEYOND:
+            return f"{begin}{'above' if self.direction > 0 else 'below'} {level}"
+        if self.what is What.CROSSING:
+            return begin + {1: "rises above", -1: "falls below", 0: "crosses"}[self.direction] + f" {level}"
+        return begin + (self.condition or WORDS.get(self.what, ""))
 
 
-def parse_crossing(words: str) -> Search:
-    """Return the search for `20` (either way), `>20` (rising) or `<20` (falling). Raises ValueError."""
-    words = words.strip()
-    direction = {">": 1, "<": -1}.get(words[:1], 0)
-    try:
-        level = float(words[1:] if direction else words)
-    except ValueError:
-        raise ValueError(f"{words!r} is no number: 20 (either way), >20 (rising) or <20 (falling)") from None
-    if np.isnan(level):
-        raise ValueError("nothing crosses nan; key n finds it")
-    return Search(What.CROSSING, level, direction)
+def parse_find(typed: str) -> Search:
+    """Return the search for what is typed: `> 5`, `last above 5`, `highest`, `-3s`, a condition, a name of a signal.
+
+    One with a `*` before it is of all that is plotted. Raises ValueError.
+    """
+    words, everywhere = typed.strip("* "), typed.lstrip().startswith("*")
+    first, _, rest = words.partition(" ")
+    begin = {"last": -1, "first": 1}.get(first.casefold(), 0)
+    words = rest.strip() if begin else words
+    if (what := _KINDS.get(words.casefold())) is not None:
+        return Search(what, everywhere=everywhere, begin=begin)
+    if (found := _LEVEL.fullmatch(words)) is not None:
+        direction, level = _WAYS.get(found[1].casefold(), 0), float(found[2])
+        if np.isnan(level):
+            raise ValueError("nothing crosses nan; nan alone finds it")
+        what = What.BEYOND if begin and direction else What.CROSSING
+        return Search(what, level, direction, everywhere, begin=begin)
+    if begin and not words:
+        raise ValueError(f"{first} of what? {first} above 5, {first} change, ...")
+    if (moment := _MOMENT.fullmatch(words)) is not None:
+        return Search(What.MOMENT, condition=moment[1] or moment[2])
+    for word in (each for each in _WAYS if each.isalpha()):
+        words = f" {words}".replace(f" {word} ", " > " if _WAYS[word] > 0 else " < ").strip()
+    return Search(What.CONDITION if _SIGN.search(words) else What.SIGNAL, condition=words, begin=begin)
 
 
 def places_of(search: Search, time_ns: NDArray[np.int64], values: NDArray[Any], period_ns: int) -> Places:

@@ -1,80 +1,91 @@
-"""What to look for in the plots: a letter picks it, `*` looks in all signals that are plotted; a condition is typed."""
+"""What to look for in the plots, typed in words: a value, the highest, a hole, a moment, a condition, a signal."""
 
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 from typing import ClassVar
 
+from textual.app import ComposeResult
 from textual.widgets import Static
 
 from silo.conditions.requests import TriggerTried
 from silo.expressions.binding import bind
 from silo.judging.checks import table_catalogue
 from silo_tui.model.lists.conditions import tried_lines
-from silo_tui.model.samples.find import WORDS, Search, What
+from silo_tui.model.samples.find import Search, What, parse_find
 from silo_tui.model.table import derived
-from silo_tui.screens.dialogs.form import CONDITION, Form
-from silo_tui.screens.dialogs.questions import Choice, Question
+from silo_tui.screens.dialogs.form import Form
 from silo_tui.sessions.live import Session
 
-EVERYWHERE, MOMENT = "*", "a"
-
-
-class FindDialog(Question):
-    """Answers with what is looked for."""
-
-    def __init__(self, name: str, signals: int) -> None:
-        choices = [Choice(what.value, WORDS[what], what.value) for what in What]
-        choices.append(Choice(MOMENT, "a moment by its time", MOMENT))
-        if signals > 1:
-            words = f"in all {signals} that are plotted, or in the chosen one alone"
-            choices.append(Choice(EVERYWHERE, words, EVERYWHERE))
-        self._where = [f"Find a moment in {each}, by its letter" for each in (name, f"all {signals} signals")]
-        super().__init__(self._where[0], "", choices)
-        self.everywhere = False
-
-    def pick(self, value: str) -> None:
-        if value != EVERYWHERE:
-            self.dismiss(value)
-            return
-        self.everywhere = not self.everywhere
-        self.query_one(".dialog-title", Static).update(self._where[self.everywhere])
-
-
+LINE = "find"
 SIGNS = ("<", ">", "==", "!=")
-HINTS = {"when": "e.g. abs({0}) > 20 and {1} < 0.1"}
+HINTS = {LINE: "e.g. {} or a word from below"}
+WAYS = (
+    ("> 5   < 5   5", "where it rises above, falls below, crosses it"),
+    ("last above 5", "the last moment above; last below, first above"),
+    ("highest  lowest  peak", "the ends, the top of each swing"),
+    ("edge  change  nan", "a step, another value, no number"),
+    ("outside  hole", "outside its limits, no samples"),
+    ("trigger  marker", "where one fired, where one was set"),
+    ("-3s  at 12.5  13:07:32", "that moment"),
+    ("torque > 5 and x < 2", "where that of any signals turns true"),
+    ("torque", "the plot of that signal"),
+)
 
 
-class ConditionDialog(Form[Search]):
-    """Answers with the search for where a condition turns true."""
+class FindDialog(Form[Search]):
+    """Answers with what is looked for: what may be typed stands below the line."""
 
     KEYS_HERE = "Enter Finds it  Esc Back"
-    NAMING = ("when",)
-    EXPRESSION = "when"
+    NAMING = (LINE,)
+    EXPRESSION = LINE
     AFTER_S = 0.5
-    NEEDED: ClassVar = {"when": CONDITION}
+    NEEDED: ClassVar = {LINE: "type what to look for, as below"}
 
     def __init__(
-        self, session: Session, begun: str, chosen: str, turns_true: Callable[[str], Awaitable[TriggerTried]]
+        self,
+        session: Session,
+        begun: str,
+        chosen: str,
+        plots: int,
+        level: str,
+        turns_true: Callable[[str], Awaitable[TriggerTried]],
+        counted: Callable[[Search], Awaitable[str]],
+        moment: Callable[[str], object],
     ) -> None:
-        """`chosen` is what a condition that begins with its sign is of: `> 20`."""
-        super().__init__(
-            "Find where a condition turns true", (("when",),), {"when": begun}, HINTS, start="when", table=session.table
-        )
-        self._session, self._chosen, self._turns_true = session, chosen.lstrip("/"), turns_true
+        """`chosen` is what a condition that begins with its sign is of, `level` a value of it; `plots` how many are."""
+        hints = {LINE: HINTS[LINE].format(f"> {level or 5}")}
+        super().__init__(f"Find in {chosen}", ((LINE,),), {LINE: begun}, hints, start=LINE, table=session.table)
+        self._session, self._chosen, self._plots = session, chosen.lstrip("/"), plots
+        self._turns_true, self._counted, self._moment = turns_true, counted, moment
+
+    def below(self) -> ComposeResult:
+        """Yield what may be typed."""
+        more = (("* highest", f"in all {self._plots} signals that are plotted"),) if self._plots > 1 else ()
+        yield Static("\n".join(f"{typed:<23} {does}" for typed, does in (*WAYS, *more)), classes="quiet", markup=False)
 
     def on_mount(self) -> None:
         """Begin with what was looked for last, which the first letter takes the place of."""
-        self.field("when").select_all()
+        self.field(LINE).select_all()
 
     def made(self) -> Search:
-        """Return the search; its signals are there. Raises ExpressionError with the place."""
-        typed, table = self.fields["when"], self._session.table
-        if typed.startswith(SIGNS):
-            typed = f"{self._chosen} {typed}"
-        bind(typed, table_catalogue(table.elements[: table.own], table.prefix, derived.present(table))).condition()
-        return Search(What.CONDITION, condition=typed)
+        """Return the search; the signals of a condition are there. Raises ExpressionError with the place."""
+        found, table = parse_find(self.fields[LINE]), self._session.table
+        if found.what is What.CONDITION:
+            if found.condition.startswith(SIGNS):
+                found = replace(found, condition=f"{self._chosen} {found.condition}")
+            known = table_catalogue(table.elements[: table.own], table.prefix, derived.present(table))
+            bind(found.condition, known).condition()
+        elif found.what is What.MOMENT:
+            self._moment(found.condition)
+        elif found.what is What.SIGNAL:
+            self._session.named([found.condition], scalars=True)
+        return found
 
     async def look(self) -> str:
-        if not self.fields["when"]:
-            return f"{CONDITION}; > 20 alone is of {self._chosen}"
-        tried = await self._turns_true(self.made().condition)
+        if not self.fields[LINE]:
+            return ""
+        made = self.made()
+        if made.what is not What.CONDITION:
+            return await self._counted(made)
+        tried = await self._turns_true(made.condition)
         return "\n".join(tried_lines(tried, self.told_width, "turned true"))

@@ -21,23 +21,23 @@ from silo_tui.model.drawing.plots import Plotted
 from silo_tui.model.lists.happened import gone_words, words
 from silo_tui.model.plots.limits import inner
 from silo_tui.model.plots.panels import CurveKind, kind_of
-from silo_tui.model.plots.time_axis import MOMENTS
-from silo_tui.model.samples.find import EVENTS, LETTERS, Moment, Search, What, happened, neighbour, parse_crossing
+from silo_tui.model.samples.find import EVENTS, LETTERS, Moment, Search, What, happened, neighbour
 from silo_tui.model.samples.live import Reading, value_words
 from silo_tui.model.samples.source import HeldRows
 from silo_tui.model.words import text
+from silo_tui.model.words.command_line import Spelled
 from silo_tui.model.words.names import fitted_among
 from silo_tui.screens.dialogs.marking import ask_mark
 
 if TYPE_CHECKING:
     from silo.conditions.requests import TriggerTried
-    from silo_tui.screens.dialogs.questions import Prompt
     from silo_tui.screens.plots.plot_screen import PlotScreen
 
 MOST_MOMENTS = 1000  # of a signal that are here at a time
 LEAST_PART = 0.01  # of what is held that is worth telling where it is not looked through
 MANY_HOLES = 20  # from so many on those that are as long as most are how a loop jitters
 WELL_ABOVE = 3  # times as long as most
+NAME = 12  # cells of a name that tells signals apart
 HOLE_S = 0.1  # that is an event: what is shorter is how a busy computer ticks
 
 
@@ -79,6 +79,8 @@ class SearchResult:
             return last + step if 0 <= last + step < len(times) else None
         if step:
             return neighbour(times, now_ns, step)
+        if self.search.begin:
+            return 0 if self.search.begin > 0 else len(times) - 1
         at = neighbour(times, now_ns - 1, 1)
         return at if at is not None else neighbour(times, now_ns, -1)
 
@@ -175,7 +177,7 @@ def within(tried: "TriggerTried", held_ns: tuple[int, int]) -> "TriggerTried":
     older = tried.fires - len(tried.time_ns)
     gone, is_all, why = tried.begin_ns > end_ns, tried.end_ns <= end_ns, tried.why
     if gone:
-        crossing = f"{key_of('find')} {What.CROSSING.value} looks for a crossing there"
+        crossing = f"{key_of('find')} > 5 looks for a value there"
         why = why or f"the logger, which judges it, has overwritten what is held here; {crossing}"
     elif older > 0 and not times:
         why = why or "only later ones are told"
@@ -216,7 +218,6 @@ async def events(
 
 
 STEP_PERIODS = 64  # as far as the next sample is looked for at first
-HOW = "Enter finds it: 20 either way, >20 rising, <20 falling"
 
 
 def value_here(plotted: Plotted, readings: Mapping[str, Reading]) -> str:
@@ -234,44 +235,58 @@ class MomentSearch:
         self.screen = screen
         self._stepping = asyncio.Lock()  # two keys at once are two samples
         self.found: SearchResult | None = None  # what was looked for last
-        self._condition = ""  # the last one that was looked for
+        self._typed = ""  # what was looked for last
         self._last: tuple[SearchResult | None, int] = (None, 0)  # moment that one was led to
 
     # -------------------------------------------------------------------------------------------- find the moment
 
     def command_find(self) -> None:
-        from silo_tui.screens.dialogs.find import MOMENT, ConditionDialog, FindDialog
-        from silo_tui.screens.dialogs.questions import Prompt
+        from silo_tui.screens.dialogs.find import LINE, FindDialog
 
         if self._is_nothing_plotted():
             return
-        let_go = self.screen.pause_for_now()
-        chosen_name = self.screen.session.short_name(self.screen.stack.chosen_plot.name)
-        dialog = FindDialog(chosen_name, len(self.screen.stack.plots))
+        screen, stack = self.screen, self.screen.stack
+        let_go = screen.pause_for_now()
 
-        def level_typed(level: str) -> None:
-            self._find(replace(parse_crossing(level), everywhere=dialog.everywhere))
-
-        def condition_typed(search: Search) -> None:
-            self._condition = search.condition
-            self._find(search)
-
-        def chosen(answer: str) -> None:
-            if answer == MOMENT:
-                title, check = "Go to a moment", self.screen.moment_typed
-                prompt = Prompt(title, f"Enter goes there: {MOMENTS}", "", "e.g. -3s", check)
-                ask(self.screen, prompt, lambda words: run_alone(self.screen, "find", self._go_to_typed, words), let_go)
-            elif answer == What.CROSSING.value:
-                line = Prompt("Find a crossing", HOW, "", "e.g. 20", parse_crossing)
-                ask(self.screen, line, level_typed, let_go)
-                run_alone(self.screen, "offer", self._offer_level, line)
-            elif answer == What.CONDITION.value:
-                dialog_of = ConditionDialog(self.screen.session, self._condition, chosen_name, self._turns_true)
-                ask(self.screen, dialog_of, condition_typed, let_go)
+        def chosen(search: Search) -> None:
+            self._typed = dialog.fields[LINE] or self._typed
+            if search.what is What.MOMENT:
+                run_alone(screen, "find", self._go_to_typed, search.condition)
+            elif search.what is What.SIGNAL:
+                let_go()
+                self._go_to_signal(search.condition)
             else:
-                self._find(Search(What(answer), everywhere=dialog.everywhere))
+                self._find(search)
 
-        ask(self.screen, dialog, chosen, let_go)
+        name, level = screen.session.short_name(stack.chosen_plot.name), value_here(stack.chosen_plot, stack.readings)
+        dialog = FindDialog(
+            screen.session, self._typed, name, len(stack.plots), level,
+            self._turns_true, self._counted, screen.moment_typed,
+        )  # fmt: skip
+        ask(screen, dialog, chosen, let_go)
+
+    def _go_to_signal(self, typed: str) -> None:
+        """Choose the plot of a signal; plot it where it is in none."""
+        names = [self.screen.session.short_name(each.name).casefold() for each in self.screen.stack.plots]
+        at = next((at for at, name in enumerate(names) if typed.casefold() in name), None)
+        if at is None:
+            self.screen.action_command("add_plot", Spelled("plot", (typed,)))
+        else:
+            self.screen._choose(at)
+
+    async def _counted(self, search: Search) -> str:
+        """Return how often something is found in what is held, or what Enter does. Raises ValueError."""
+        if search.what is What.MOMENT:
+            return f"Enter goes to {self.screen.moment_words(self.screen.moment_typed(search.condition))}"
+        if search.what is What.SIGNAL:
+            return "Enter goes to its plot, or plots it"
+        await self.screen.pause.settled()
+        found = await self._looked(search, self.screen.now_ns)
+        return f"{search.words}: {found.total} × {found.looked_through}" if found.total else found.none()
+
+    async def _looked(self, search: Search, around_ns: int) -> SearchResult:
+        plots = self.screen.stack.plots if search.everywhere else [self.screen.stack.chosen_plot]
+        return await look(self.screen.pause.held, plots, search, self.screen.session.bounds, around_ns)
 
     def _is_nothing_plotted(self) -> bool:
         if not self.screen.stack.plots:
@@ -284,18 +299,13 @@ class MomentSearch:
     def crossing_here(self, name: str) -> Search | None:
         """Return the search for a level of a signal that led to where one is; None where none did."""
         found, place = self._last
-        led = found is not None and found.search.what is What.CROSSING and found.moments[place]
+        led = found is not None and found.search.what in (What.CROSSING, What.BEYOND) and found.moments[place]
         return found.search if led and found and (led.name, led.time_ns) == (name, self.screen.now_ns) else None
 
     async def _go_to_typed(self, words: str) -> None:
         await self.screen.pause.settled()  # what the times are counted from
         if await self.screen.jump_to(self.screen.moment_typed(words)):
             self.screen.say("")  # what was found before lies elsewhere
-
-    async def _offer_level(self, line: "Prompt") -> None:
-        """Offer the value at the cursor as the level: the line doesn't wait for it."""
-        self.screen.stack.readings = readings = await self.screen.readings_here()
-        line.offer(value_here(self.screen.stack.chosen_plot, readings))
 
     def _find(self, search: Search) -> None:
         run_alone(self.screen, "find", self._search, search, 0)
@@ -318,12 +328,14 @@ class MomentSearch:
         plots = plots if not search.condition else []
         found, now = self.found, self.screen.now_ns
         same = found is not None and found.search == search and found.names == tuple(plot.name for plot in plots)
+        if search.begin and not step:
+            now, same = self.screen.held_ns[search.begin < 0], False
         if found is None or not same or found.end_ns != self.screen.held_ns[1] or found.ends_before(now, step):
             try:
                 if search.condition:
                     found = turned(search, await self._turns_true(search.condition), self.screen.held_ns)
                 else:
-                    found = await look(self.screen.pause.held, plots, search, self.screen.session.bounds, now)
+                    found = await self._looked(search, now)
             except SiloError as error:
                 self.screen.say(f"{search.words}: {error}")
                 return
@@ -343,31 +355,32 @@ class MomentSearch:
             return
         if place is None:
             which = "only one" if found.total == 1 else f"{'last' if step > 0 else 'first'} of {found.total}"
-            peaks = f"; {key_of('find')} {What.PEAK.value} finds each peak" if found.search.what is What.HIGHEST else ""
+            peaks = f"; {key_of('find')} peak finds each" if found.search.what is What.HIGHEST else ""
             self.screen.say(f"{words}: that is the {which} {found.looked_through}{peaks}")
             return
         moment = found.moments[place]
         if not await self.screen.jump_to(moment.time_ns):
             return
         self._last = found, place
-        at = f"{found.before + place + 1} of {found.total}"
-        partly = f" ({found.partly})" if found.partly else ""
-        told = f", {at}: {self.screen.context.shown(moment.said)} at {self.screen.moment_words(moment.time_ns)}{partly}"
-        room = self.screen.line.content_size.width - len(f"{words} in {told}")  # value and time are what was asked for
-        plotted = (*(each.name for each in self.screen.stack.plots), moment.name)
-        name, *_ = names = tuple(map(self.screen.session.short_name, reversed(plotted)))
-        name = fitted_among(name, names, room)
         ways = zip((1, -1), others, strict=True)
         on = [
             f"{key_of(command)} {'next' if way > 0 else 'before'}"
             for way, command in ways
             if found.leads_on(moment.time_ns, way, place)
         ]
-        if not step and on:  # who goes on knows them
-            told += f" ({', '.join(on)})"
-        self.screen.say(
-            f"{words} in {name}{told}" if len(self.screen.stack.plots) > 1 and moment.name else f"{words}{told}"
-        )
+        keys = f" ({', '.join(on)})" if not step and on else ""  # who goes on knows them
+        partly = f" ({found.partly})" if found.partly else ""
+        said = f", {found.before + place + 1} of {found.total}: {self.screen.context.shown(moment.said)}"
+        when, of = self.screen.moment_words(moment.time_ns), f" of {text.span(found.held_s, 2)} held"
+        plotted = (*(each.name for each in self.screen.stack.plots), moment.name)
+        name, *_ = names = tuple(map(self.screen.session.short_name, reversed(plotted)))
+        room = self.screen.line.content_size.width - len(f"{words} in {said} at {partly}{keys}")
+        short, several = when.partition("  ")[0], len(names) > 2
+        times = (f"{when}{of}", f"{short}{of}", short)  # the clock of A is among the facts
+        told = next((each for each in times if len(each) + NAME * several <= room), short)
+        name = fitted_among(name, names, room - len(told)) if several or len(name) <= room - len(told) else ""
+        name = f" in {name}" if moment.name and name else ""
+        self.screen.say(f"{words}{name}{said} at {told}{partly}{keys}")
 
     # ------------------------------------------------------------------------------------------------------- events
 
