@@ -1,6 +1,7 @@
 """Spectra with their peaks, one signal over another, histograms: what the large plot computes and draws."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -61,9 +62,9 @@ def test_waves_that_a_short_time_hardly_tells_apart_are_peaks_where_there_is_a_d
 
 
 def test_too_few_samples_say_how_many_are_needed():
-    with pytest.raises(ValueError, match="12 held, 64 needed"):
+    with pytest.raises(ValueError, match="12 in a row, 64 needed"):
         spectrum_of(longest_piece(times(12), np.zeros(12)))
-    with pytest.raises(ValueError, match="0 held, 64 needed"):
+    with pytest.raises(ValueError, match="0 in a row, 64 needed"):
         spectrum_of(longest_piece(times(0), np.zeros(0)))
 
 
@@ -106,6 +107,14 @@ def with_hole(begin, end, count=1600, hz=20.0):
     """A sine of amplitude 1 at 400 Hz whose samples from `begin` to `end` are missing."""
     kept = np.r_[0:begin, end:count]
     return times(count)[kept], np.sin(2 * math.pi * hz * kept / HZ)
+
+
+def test_a_loop_that_catches_up_in_bursts_has_no_holes_between_them():
+    """As on a busy computer: most steps are next to nothing, and each longer one was taken for a hole."""
+    stamps = np.concatenate([at * 20_000_000 + np.arange(8) * 100_000 for at in range(500)])
+    piece = longest_piece(stamps, np.sin(2 * math.pi * 5 * stamps / 1e9))
+    assert len(piece.values) == 4000
+    assert peaks_of(spectrum_of(piece))[0].frequency_hz == pytest.approx(5, abs=0.05)
 
 
 @pytest.mark.parametrize(("begin", "end"), [(800, 804), (800, 808), (700, 720), (600, 1000), (100, 1500), (1590, 1596)])
@@ -386,6 +395,25 @@ def test_what_does_not_go_round_has_no_peak_and_a_wave_on_it_is_the_only_one(nam
     size = float(np.ptp(drift))
     (wave,) = peaks(drift + size * np.sin(2 * np.pi * 12.3 * t))
     assert wave.frequency_hz == pytest.approx(12.3, abs=0.05)
+
+
+def test_what_is_told_of_a_spectrum_that_goes_on_stands_still():
+    """As the large plot computes it anew each second: a weak wave was a peak and none, and of two as high each led."""
+    t = np.arange(24_000) / 400
+    rng = np.random.default_rng(6)
+    weak = 0.21 * np.sin(2 * np.pi * 10.1 * t) + rng.normal(0, 1.6, len(t))
+    swaps = (1 + 0.05 * np.sin(t)) * np.sin(2 * np.pi * 5 * t) + (1 - 0.05 * np.sin(t)) * np.sin(2 * np.pi * 9 * t)
+    for signal in (weak, swaps):
+        told = {True: [], False: []}
+        for still, found in told.items():
+            known = ()
+            for at in range(0, 20_000, 400):
+                piece = longest_piece((t[at : at + 4000] * 1e9).astype(np.int64), signal[at : at + 4000])
+                known = peaks_of(spectrum_of(piece), 64, known if still else ())
+                found.append(round(known[0].frequency_hz) if known else 0)
+        flips = {still: sum(one != other for one, other in pairwise(found)) for still, found in told.items()}
+        assert flips[False] > 4
+        assert flips[True] <= 2, told[True]
 
 
 def test_harmonics_of_a_gait_are_peaks_each():

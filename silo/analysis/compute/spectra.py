@@ -4,6 +4,8 @@ Pure functions. A spectrum is that of one stretch without a hole: a line drawn o
 (a sine of amplitude 1 with a hole of a second in four read 0.58).
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +26,7 @@ UNEVEN = 0.02  # of a period
 _LOBE = 2  # lines on each side that the main lobe of a Hann window covers
 _DIP = 0.7  # of a peak's height, that a line between it and a higher one so near must fall below
 _ROUNDING = 1e-13  # of the largest value: below, what floats leave of a constant looks like peaks
+_STAYS = 0.7  # of that, for one that was a peak a moment ago
 _NOISE = 4.0  # times the median that a peak must reach
 _QUARTER = 1.55  # how far the median of noise lies above its lower quarter
 _AROUND = 12  # lines on each side at least that tell of the noise
@@ -62,7 +65,10 @@ def longest_piece(time_ns: NDArray[np.int64], values: NDArray[Any], most: int | 
     if len(floats) < 2:
         return GaplessStretch(floats, 1.0, 0.0, len(floats))
     finite = np.isfinite(floats)
-    period = float(np.median(np.diff(time_ns[finite]))) if finite.sum() > 1 else 1.0
+    steps = np.diff(time_ns[finite])
+    period = float(np.median(steps)) if len(steps) else 1.0
+    if len(some := steps[steps < STILL_NS]) and some.mean() > HOLE * period:  # ticks that catch up, several at once
+        period = float(some.mean())
     # where a value isn't finite there is a hole as well
     strict = _longest(time_ns, finite, MISSING * period)
     bridged = np.flatnonzero(finite)
@@ -124,7 +130,7 @@ def spectrum_of(piece: GaplessStretch, least: int = LEAST_SAMPLES) -> Spectrum:
     """Return the spectrum of a piece. Raises ValueError with what is missing where it is too short."""
     count = len(piece.values)
     if count < least:
-        raise ValueError(f"{count} held, {least} needed")
+        raise ValueError(f"{count} in a row, {least} needed")
     size = float(np.abs(piece.values).max()) or 1.0
     shares = piece.values / size  # neither 1e300 nor 1e-300 squared is a float
     hann = np.hanning(count + 1)[:-1]
@@ -154,28 +160,40 @@ class Peak:
     amplitude: float
 
 
-def peaks_of(spectrum: Spectrum, most: int = MOST_PEAKS) -> list[Peak]:
+def peaks_of(spectrum: Spectrum, most: int = MOST_PEAKS, known: Sequence[Peak] = ()) -> list[Peak]:
     """Return the highest peaks, at most so many, the highest first; they rise over the noise around them and lie apart.
 
-    What hardly goes round twice is none: a drift, or a step, looks the same there.
+    What hardly goes round twice is none: a drift, or a step, looks the same there. Of a spectrum that goes on in time
+    peaks that were `known` a moment ago stay while they are about as high, and the first of them stays the first.
     """
     heights = spectrum.amplitudes
     if len(heights) < 2 * _LOBE + 1:
         return []
     floor = max(_NOISE * float(np.median(heights)), _FAINT * float(heights.max()), _ROUNDING * spectrum.largest)
     noise = _noise_of(heights)
+    was = [round(peak.frequency_hz / spectrum.step_hz) - 1 for peak in known]
+    least = np.ones(len(heights))  # of what a peak must reach
+    for line in was:
+        least[max(0, line - 1) : line + 2] = _STAYS
     found: list[int] = []
     for line in np.argsort(heights)[::-1].tolist():
-        if not heights[line] > floor:
+        if not heights[line] > floor * _STAYS:
             break
+        if not heights[line] > floor * least[line]:
+            continue
         is_top = heights[line] == heights[max(0, line - 1) : line + 2].max()
-        if is_top and heights[line] > noise[line] and all(_is_apart(heights, line, other) for other in found):
+        if is_top and heights[line] > noise[line] * least[line] and all(_is_apart(heights, line, other) for other in found):
             found.append(line)
         if len(found) == most:
             break
     peaks = [_between_lines(heights, line, spectrum.step_hz) for line in found]
     peaks = [peak for peak in peaks if peak.frequency_hz > FEWEST_PERIODS * spectrum.step_hz]
-    return sorted(peaks, key=lambda peak: -peak.amplitude)
+    first_hz = known[0].frequency_hz if known else -math.inf
+
+    def height(peak: Peak) -> float:
+        return peak.amplitude / (_STAYS if abs(peak.frequency_hz - first_hz) < 1.5 * spectrum.step_hz else 1.0)
+
+    return sorted(peaks, key=height, reverse=True)
 
 
 def _noise_of(heights: Floats) -> Floats:

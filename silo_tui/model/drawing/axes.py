@@ -109,10 +109,9 @@ def ticks_of(scale: Scale, lines: int) -> list[tuple[int, float]]:
         def badness(each: tuple[float, list[tuple[float, float]]]) -> tuple[bool, bool]:
             return each[0] < _closest(lines) * (1 - 1e-9), any(abs(place - round(place)) > 1e-6 for place, _ in each[1])
 
-        best = min(found, key=badness)[1] if found else []
-        ticks = [(math.floor(place + 0.5), value) for place, value in best]
-        if ticks and (lines > _SMALL or not ticks[0][0] or float(f"{top:.2g}") != float(f"{top:.9g}")):
-            return ticks
+        best = [(math.floor(place + 0.5), value) for place, value in min(found, key=badness)[1]] if found else []
+        if best and (lines > _SMALL or not best[0][0] or float(f"{top:.2g}") != float(f"{top:.9g}")):
+            return best
     return [(0, top), (lines - 1, bottom)]
 
 

@@ -90,6 +90,7 @@ class DetailScreen(MonitorScreen):
         self.level = LEVELS[0]
         self._found = NOTHING
         self._peak: int | None = None  # of those found
+        self._spectrum_of: Plotted | None = None  # whose peaks those are
         self._due_s = 0.0  # when what goes on is drawn again
         self._cursor_hz: float | None = None  # where the cursor goes in the spectrum that comes
         self._halved = 0  # how often the upper half of the frequencies was left out
@@ -206,7 +207,11 @@ class DetailScreen(MonitorScreen):
             self.plot.say(f"No data: {error}")
             return
         except ValueError as short:
-            self.plot.say(f"{self.mode} of {self._label(self.plots[0])}: {short}")
+            if self.mode == "spectrum" and self._found.plot is not None and self.plots[0] == self._spectrum_of:
+                self.plot.show(self._found.plot, [f"as it was: {short}", *self._found.notes])
+                return
+            longer = f"; {key_of('wider')} takes more seconds" if self.mode == "spectrum" else ""
+            self.plot.say(f"{self.mode} of {self._label(self.plots[0])}: {short}{longer}")
             return
         told = self._peak_words()
         self._found = found
@@ -244,7 +249,9 @@ class DetailScreen(MonitorScreen):
         while self._halved and top_hz / 2**self._halved < LEAST_LINES * step_hz:  # of a time that is shorter by now
             self._halved -= 1
         top_hz /= 2**self._halved
-        peaks = [peak for peak in peaks_of(spectra[0], PEAKS_KNOWN) if peak.frequency_hz <= top_hz]
+        known = self._found.peaks if plots[0] == self._spectrum_of else ()  # what is told stands still
+        self._spectrum_of = plots[0]
+        peaks = [peak for peak in peaks_of(spectra[0], PEAKS_KNOWN, known) if peak.frequency_hz <= top_hz]
         peaks = peaks[: MOST_PEAKS if self.plot.beside else FEW_PEAKS]
         unit = plots[0].element.unit
         drawn = big_plot.of_spectra(spectra, peaks, self.level, self.plot.plot_size, self._peak, top_hz)
@@ -562,6 +569,7 @@ def _unit(plotted: Plotted) -> str:
 
 def _decimals(step: float) -> int:
     """How many decimals tell lines of a spectrum apart."""
+    step *= 1.5  # a whole number of seconds, or a sample less, has as many
     return max(0, min(6, -math.floor(math.log10(step)))) if step > 0 else 3
 
 
