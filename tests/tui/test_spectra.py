@@ -103,6 +103,18 @@ def test_a_late_loop_is_no_hole_but_jitter():
     assert peaks_of(spectrum_of(piece))[0].frequency_hz == pytest.approx(10, abs=0.05)
 
 
+def test_a_loop_that_a_busy_computer_holds_up_has_a_spectrum_of_what_comes_in_bursts():
+    late = times(1600).reshape(-1, 4)  # four samples at their time, none for as long as 32, a second of none
+    late = (late + 32 * PERIOD_NS * np.arange(len(late))[:, None]).reshape(-1)
+    late[200:] += 10**9
+    piece = longest_piece(late, np.sin(2 * math.pi * 1.8 * late / 1e9))
+    assert len(piece.values) == 1400
+    assert peaks_of(spectrum_of(piece))[0].frequency_hz == pytest.approx(1.8, abs=0.05)
+    few = np.r_[late[:40], late[:40] + 10**12]
+    with pytest.raises(ValueError, match="longest whole piece: 40 of 80 samples, 64 needed"):
+        spectrum_of(longest_piece(few, np.zeros(80)))
+
+
 def with_hole(begin, end, count=1600, hz=20.0):
     """A sine of amplitude 1 at 400 Hz whose samples from `begin` to `end` are missing."""
     kept = np.r_[0:begin, end:count]

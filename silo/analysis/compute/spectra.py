@@ -20,6 +20,7 @@ FEWEST_SAMPLES = 4  # to compute one
 MOST_SAMPLES = 1 << 17
 MOST_PEAKS = 8
 HOLE = 10.0  # periods without a sample: more than a late loop
+BURSTS = 3.0  # times the distance that 95 % of samples keep
 STILL_NS = 1_000_000_000  # such a hole is one in which the loop stood still, or before which its clock was set forward
 MISSING = 2.5  # periods: a sample is missing, or a loop was very late
 UNEVEN = 0.02  # of a period
@@ -59,16 +60,15 @@ def longest_piece(time_ns: NDArray[np.int64], values: NDArray[Any], most: int | 
     """Return the longest stretch of finite samples without a hole; the newest of equal ones, and its newest samples.
 
     A loop that is late makes no hole: its samples are brought to an even distance by straight lines, and the jitter is
-    told. Where samples are missing so often that less than half would be left, lines bridge some of them too.
+    told. Where samples are missing so often that less than half would be left, lines bridge some of them too; where
+    they come in bursts, as of a loop that a busy computer holds up, so that too few would be left, what is usual
+    between bursts.
     """
     floats = as_floats(values)
     if len(floats) < 2:
         return GaplessStretch(floats, 1.0, 0.0, len(floats))
     finite = np.isfinite(floats)
-    steps = np.diff(time_ns[finite])
-    period = float(np.median(steps)) if len(steps) else 1.0
-    if len(some := steps[steps < STILL_NS]) and some.mean() > HOLE * period:  # ticks that catch up, several at once
-        period = float(some.mean())
+    period = float(np.median(np.diff(time_ns[finite]))) if finite.sum() > 1 else 1.0
     # where a value isn't finite there is a hole as well
     strict = _longest(time_ns, finite, MISSING * period)
     bridged = np.flatnonzero(finite)
@@ -77,6 +77,10 @@ def longest_piece(time_ns: NDArray[np.int64], values: NDArray[Any], most: int | 
         times, found = time_ns[bridged][loose], floats[bridged][loose]
     else:
         times, found = time_ns[strict], floats[strict]
+    if loose.stop - loose.start < LEAST_SAMPLES <= len(bridged):
+        usual = BURSTS * float(np.percentile(np.diff(time_ns[bridged]), 95))
+        bursts = _longest(time_ns[bridged], np.ones(len(bridged), bool), usual)
+        times, found = time_ns[bridged][bursts], floats[bridged][bursts]
     if most is not None:
         times, found = times[-most:], found[-most:]
     own = np.diff(times)
@@ -130,7 +134,7 @@ def spectrum_of(piece: GaplessStretch, least: int = LEAST_SAMPLES) -> Spectrum:
     """Return the spectrum of a piece. Raises ValueError with what is missing where it is too short."""
     count = len(piece.values)
     if count < least:
-        raise ValueError(f"{count} in a row, {least} needed")
+        raise ValueError(f"{piece.left_out or f'{count} held'}, {least} needed")
     size = float(np.abs(piece.values).max()) or 1.0
     shares = piece.values / size  # neither 1e300 nor 1e-300 squared is a float
     hann = np.hanning(count + 1)[:-1]
