@@ -341,12 +341,15 @@ async def load_script(context: Context, path: str = "") -> None:
         if around and session.running:
             await session.stop()
     told_of_start: list[str] = []
+    table, names, before = session.table, session.table.names, session.table.server
     try:
         loaded = await link.call(lambda client: client.load_script(name, cut=cut))
     finally:
         if around:
             told_of_start = await session.start(unsaved)
     await session.reload()
+    if not edits:  # else they are what is taken back first
+        table.note_changed(names, before)
     if diff.conditions:
         await session.refresh_conditions()
     told = (

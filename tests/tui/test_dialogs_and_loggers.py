@@ -390,6 +390,10 @@ async def test_a_script_is_previewed_before_it_is_loaded_and_what_nobody_knows_o
         await screen.until(lambda: ("load_script", "quiet.yaml") in fake.calls)
         await screen.shows("loaded quiet.yaml")
         await screen.shows("unknown key 'colour' in a script")
+        assert not screen.session.table.pending.any()
+        await screen.do("undo")
+        await screen.shows("undone: what was applied to")
+        assert screen.session.table.pending.any(), "what the logger had before is wanted back"
 
 
 async def test_a_script_is_there_as_it_is_saved_and_another_overwritten_only_when_asked(fake, opened):

@@ -406,6 +406,11 @@ class TableState:
             before.edited[at], before.wanted[at], before.based_on[at] = True, edit.old, edit.new
         self._undo.append(_Step(f"{APPLIED} to {many(len(rows), 'element')}", rows, before, now, applied=True))
 
+    def note_changed(self, names: list[str], before: Ints) -> None:
+        """Have one undo step of all that the logger has now otherwise than `before`, when elements were called so."""
+        if names == self.names:
+            self.note_applied(self._as_edits(before, self.server, before != self.server))
+
     # ------------------------------------------------------------------------------------------------ inside
 
     def _carry_over(self, names: list[str], server: Ints) -> None:
