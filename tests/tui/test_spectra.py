@@ -62,9 +62,9 @@ def test_waves_that_a_short_time_hardly_tells_apart_are_peaks_where_there_is_a_d
 
 
 def test_too_few_samples_say_how_many_are_needed():
-    with pytest.raises(ValueError, match="12 in a row, 64 needed"):
+    with pytest.raises(ValueError, match="12 held, 64 needed"):
         spectrum_of(longest_piece(times(12), np.zeros(12)))
-    with pytest.raises(ValueError, match="0 in a row, 64 needed"):
+    with pytest.raises(ValueError, match="0 held, 64 needed"):
         spectrum_of(longest_piece(times(0), np.zeros(0)))
 
 
