@@ -490,7 +490,7 @@ def _meeting(
     places = None if each_with_each else (mine.values, theirs.values)
     moved = other._met(one)
     if one._in_hole(moved.time_ns).any() or moved._in_hole(one.time_ns).any():
-        span = "; ".join(filter(None, [span, "not where it was switched off, or not recorded, in one of them"]))
+        span = "; ".join(filter(None, [span, "not where it was off, overwritten or not recorded, in one of them"]))
     moved_ns = moved.time_ns
     return met.setdefault(key, _Meeting(places, mine.times, moved_ns, span, stamps))
 

@@ -145,7 +145,7 @@ class Signal(Samples, _Operators):
         places, off = self._places(stamps), self._in_hole(stamps)
         if off.any():
             raise ElementError(
-                f"'{self.name}' has no value at {np.min(times[off]):g} s: it was switched off, or not recorded, then"
+                f"'{self.name}' has no value at {np.min(times[off]):g} s: it was off, overwritten or not recorded, then"
             )
         if (places < 0).any():
             raise ElementError(f"'{self.name}' has no value yet at {np.min(times):g} s; it {self._span}")

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from silo.analysis.compute.calculus import between, goes_straight
 from silo.analysis.compute.samples import Unfolded
 from silo.core.arguments import INT64
+from silo.core.arrays.columns import Gap
 from silo.core.elements import BufferType, LoggedEvent, Stretch
 from silo.core.names import grouped
 from silo.core.parameter_images import between as told_between
@@ -199,7 +200,10 @@ def joined(parts: Sequence[Recording]) -> Recording:
         last.part,
         time_ns=time_ns,
         offset=begin + len(time_ns),
-        elements=tuple(_as_one(found, time_ns, own, ends) for found in by_name.values()),
+        elements=tuple(
+            replace(_as_one(found, time_ns, own, ends), absent=_absent(found, pieces, time_ns))
+            for found in by_name.values()
+        ),
         started_ns=first.started_ns,
         time_looping=first.time_looping,
         cut_off=sum(piece.part.cut_off for piece in pieces),
@@ -479,6 +483,32 @@ def _as_one(
         lost=sum(one.lost for _, one in pieces),
         failures=Failures(sum(one.failures.count for _, one in pieces), spans),
     )
+
+
+def _absent(
+    found: Sequence[tuple[_Piece, RecordedElement]], pieces: Sequence[_Piece], time_ns: NDArray[np.int64]
+) -> tuple[tuple[int, int, Gap], ...]:
+    """What `RecordedElement.absent` is of an element of several parts."""
+    its = {id(piece): one for piece, one in found}
+    absent: list[tuple[int, int, Gap]] = []
+
+    def stamp(place: int) -> int:
+        return int(time_ns[place]) if place < len(time_ns) else int(time_ns[-1]) + 1
+
+    for number, piece in enumerate(pieces if len(time_ns) else ()):
+        one, first = its.get(id(piece)), _first(piece.part)
+        stop = pieces[number + 1].place if number + 1 < len(pieces) else len(time_ns)
+        if one is None:
+            absent.append((stamp(piece.place), stamp(stop), Gap.OFF))
+        elif piece.stretch.recorder:
+            continue
+        elif one.buffer_type is not BufferType.LOOPING:
+            end = piece.place + one.first + one.count * one.divider
+            absent += [(stamp(end), stamp(stop), Gap.LOST if one.lost else Gap.FULL)] * (end < stop)
+        elif one.count and first + one.first >= one.divider:
+            since = int(time_ns[piece.place - 1]) + 1 if piece.place else int(time_ns[0])
+            absent.append((since, stamp(piece.place + one.first), Gap.OVERWRITTEN))
+    return tuple(absent)
 
 
 def _holds(first: int, divider: int, count: int, ends: Sequence[int]) -> list[tuple[int, int]]:

@@ -16,6 +16,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.arrays.columns import Gap
 from silo.core.arrays.spans import spans_text
 from silo.core.calls import no_attribute
 from silo.core.conditions import NO_CONDITIONS, Conditions
@@ -147,6 +148,7 @@ class RecordedElement:
     changed while it was logged, of which there are stretches: pairs of how many ticks samples hold (until the next is
     due, or the stretch ends) and how many do; without them a sample with a stamp of its own holds until the next one.
     `own_ticks`, shape `(count,)`: at which stamps of the recording it has samples, where that is known beside `own_ns`.
+    `absent`, of parts as one: from which stamp on, and before which, it has no samples, and why.
     """
 
     name: str
@@ -164,6 +166,7 @@ class RecordedElement:
     own_ns: NDArray[np.int64] | None = None
     holds: tuple[tuple[int, int], ...] = ()
     own_ticks: NDArray[np.int64] | None = None
+    absent: tuple[tuple[int, int, Gap], ...] = ()
 
     @property
     def count(self) -> int:

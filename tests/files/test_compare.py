@@ -229,7 +229,7 @@ def test_a_value_from_before_a_signal_was_switched_off_is_no_difference(new_logg
     whole, cut = run("whole", cut=False), run("cut", cut=True)
     for found in (silo.compare(whole, cut), silo.compare(cut, whole)):
         assert (len(found), found.alike) == (0, 1)
-        assert found.partly == {"/log/x": "not where it was switched off, or not recorded, in one of them"}
+        assert found.partly == {"/log/x": "not where it was off, overwritten or not recorded, in one of them"}
 
 
 def test_what_neither_run_has_a_sample_of_is_no_difference():

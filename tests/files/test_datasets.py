@@ -324,7 +324,7 @@ def test_no_frames_are_made_of_a_time_for_which_a_cut_had_a_signal_switched_off(
     log.save()
     run = silo.open_log(tmp_path)
     given = {"fps": 50, "state": ["x", "y"], "to": "episodes"}
-    why = r"'/log/y' was switched off, or not recorded, from 0.4 s to 0.8 s: episodes that the program marks"
+    why = r"'/log/y' was off, overwritten or not recorded from 0.4 s to 0.8 s: episodes that the program marks"
     with pytest.raises(silo.SaveError, match=why):
         write_lerobot([run], tmp_path / "runs", **given)
     made = write_lerobot([run], tmp_path / "marked", episodes="episodes", **given)

@@ -9,9 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo.analysis.log import Log
+from silo.analysis.stretches import joined
 from silo.core.arrays.columns import Gap, NonFinite, holes_of
 from silo.core.arrays.values import newest_values
 from silo.core.conditions import CaptureFacts, Conditions, Derived
+from silo.core.elements import BufferType, Stretch
 from silo.core.recording import Recording
 from silo_tui.model.samples.recorded import RecordingSource
 from silo_tui.sessions.recorded import FileSession
@@ -166,6 +168,35 @@ def test_where_a_file_has_no_samples_it_says_why(made, hole, where):
     past = columns(source(element("a", np.ones(100), **made)), column_ns=25_000_000)
     assert (holes_of(past.marks[0])[where] == hole).all()
     assert np.isnan(past.low[0][where]).all()
+
+
+def test_where_a_run_that_was_cut_has_no_samples_it_says_why():
+    """Three stretches of 40 columns: `a` is off in the second, its oldest are overwritten in the last."""
+
+    def part(number, *elements):
+        times = START_NS + STEP_NS * np.arange(400 * number - 400, 400 * number, dtype=np.int64)
+        return Recording("robot", times, 400, elements, frequency_hz=400.0, stretch=Stretch("run", number))
+
+    first = (
+        element("a", np.ones(400)),
+        element("b", np.ones(400)),
+        element("f", np.ones(100), buffer_type=BufferType.FIXED),
+    )
+    last = element("a", np.ones(200), first=200), element("c", np.ones(400)), element("f", np.ones(400))
+    whole = joined([part(1, *first), part(2, element("f", np.ones(400))), part(3, *last)])
+    of = RecordingSource(whole, [each.name for each in whole.elements])
+
+    def holes(name):
+        past = columns(of, name, STEP_NS * 10)
+        return {
+            int(at): Gap(hole) for at, hole in enumerate(holes_of(past.marks[0])) if hole and at in range(2, 119, 5)
+        }
+
+    off, overwritten = dict.fromkeys(range(42, 80, 5), Gap.OFF), dict.fromkeys(range(82, 98, 5), Gap.OVERWRITTEN)
+    assert holes("/log/a") == {**off, **overwritten}
+    assert holes("/log/b") == dict.fromkeys(range(42, 119, 5), Gap.OFF)
+    assert holes("/log/c") == dict.fromkeys(range(2, 80, 5), Gap.OFF)
+    assert holes("/log/f") == dict.fromkeys(range(12, 40, 5), Gap.FULL)
 
 
 def test_a_reading_is_the_newest_sample_up_to_that_time():

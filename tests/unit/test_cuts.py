@@ -1019,7 +1019,7 @@ def test_a_signal_that_a_cut_switched_off_for_a_while_has_no_value_then(changing
     assert x.value([0.1, 0.199, 0.41, 9]).tolist() == [10, 19, 41, 59]
     for time in (0.2, 0.35, [0.1, 0.35]):
         with pytest.raises(
-            ElementError, match=r"'/log/x' has no value at 0.\d+ s: it was switched off, or not recorded, then"
+            ElementError, match=r"'/log/x' has no value at 0.\d+ s: it was off, overwritten or not recorded, then"
         ):
             x.value(time)
 

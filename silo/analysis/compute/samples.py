@@ -66,7 +66,7 @@ class Samples:
     failures: Failures = NO_FAILURES
     component_labels: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
     axis_ns: NDArray[np.int64] | None = None
-    # of a run that was cut, from which stamps on and before which it was switched off, or not recorded
+    # of a run that was cut, from which stamps on and before which it was off, overwritten or not recorded
     _holes: tuple[tuple[int, int], ...] = ()
     # where stamps of `axis_ns` step back or are there twice: at which its samples are, and when it was switched off
     _at: NDArray[np.int64] | None = None
@@ -315,7 +315,7 @@ class Samples:
         return min(self._bounds[1] + ceil(self._step_ns - slack_ns), INT64[1])
 
     def _in_hole(self, time_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return at which stamps it was switched off, or not recorded."""
+        """Return at which stamps it was off, overwritten or not recorded."""
         if not self._holes:
             return np.zeros(np.shape(time_ns), bool)
         begins, ends = np.array(self._holes, np.int64).T

@@ -50,11 +50,12 @@ class StretchFacts:
 
 @dataclass(frozen=True)
 class _Signal:
-    """The samples of an entry, where they stand, and why it ends before the recording does."""
+    """The samples of an entry, where they stand, and why it ends before the recording does, or has none within."""
 
     values: NDArray[Any]
     places: Places
     ended: Gap
+    absent: tuple[tuple[int, int, Gap], ...]
 
 
 @dataclass(frozen=True)
@@ -200,7 +201,7 @@ class RecordingSource:
         number, position = self._signals[name]
         element = self.recording.elements[number]
         ended = Gap.LOST if element.lost else Gap.FULL
-        return _Signal(element.entries[position].values, self.places[number], ended)
+        return _Signal(element.entries[position].values, self.places[number], ended, element.absent)
 
     def _read_tile(self, name: str, column_ns: int, number: int) -> _Tile:
         signal = self._signal(name)
@@ -232,6 +233,10 @@ class RecordingSource:
 
     def _say_why_empty(self, signal: _Signal, column_ns: int, grid: ColumnGrid, row: int) -> None:
         begin, end, places = self.begin_ns // column_ns, self.end_ns // column_ns, signal.places
+        for since_ns, until_ns, why in signal.absent:
+            grid.add_hole(row, since_ns // column_ns, until_ns // column_ns + 1, why)
+        if signal.absent or (places.is_listed and self.recording.stretch is not None):
+            return  # of a run that was cut all is told, or nothing known
         if not places.count:
             grid.add_hole(row, begin, end + 1, signal.ended)
             return
