@@ -92,6 +92,7 @@ async def test_every_option_can_be_changed_and_goes_back_to_its_default(fake, op
                 await screen.enter(option.words[0] if option.several else "2")
             changed = getattr(screen.app.context.settings, option.name)
             assert changed != getattr(Settings(), option.name), screen.text
+            await screen.shows("x Default")
             await screen.do("default_setting")
             assert screen.app.context.settings == Settings()
             await screen.do("list_down")
@@ -149,6 +150,11 @@ async def test_escape_leaves_a_key_as_it_was_and_it_is_changed_by_pressing_it(fa
         await screen.press("e")
         await screen.shows("e is edit (Edit) already (table)")
         await screen.press("f")
+        await screen.shows("(yours; / no longer)")
+        await screen.press("e", "slash")
+        await screen.until(lambda: "yours" not in screen.text, "what it has without a file is nobody's own")
+        assert screen.app.context.settings == Settings()
+        await screen.press("e", "f")
         await screen.shows("(yours; / no longer)")
         await screen.press("w", "escape", "escape")
         assert read_file()[0].keys == {"filter": "f"}

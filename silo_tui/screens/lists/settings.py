@@ -132,6 +132,14 @@ class SettingsScreen(ListScreen[SettingRow]):
     def row_of(self, one: SettingRow, width: int) -> Text:
         return row_text(one, self.context.settings, self.context.saved_settings, width=width)
 
+    def mode_keys(self) -> Sequence[tuple[str, str]]:
+        """Return the way back from what the line under the cursor has otherwise than without a file."""
+        row, settings = self.chosen, self.context.settings
+        option = row.option if row is not None else None
+        is_other = option is not None and getattr(settings, option.name) != getattr(Settings(), option.name)
+        is_own = row is not None and row.command in settings.keys
+        return (("default_setting", "Default"),) if is_own or is_other else ()
+
     def move(self, place: int) -> None:
         self._arrows_at = ""
         super().move(place)
@@ -202,7 +210,11 @@ class SettingsScreen(ListScreen[SettingRow]):
             self._change(f"{row.option.name}: {typed(value) if value else 'all'}", **{row.option.name: value})
 
     def _take_key(self, command: str, key: str) -> None:
-        self._change(f"{command}: {key_text(key)}", keys={**self.context.settings.keys, command: key})
+        settings = self.context.settings
+        keys = {**settings.keys, command: key}
+        if key == keys_in(settings.keymap, command):  # what it has without a file is nobody's own
+            del keys[command]
+        self._change(f"{command}: {key_text(key)}", keys=keys)
 
     def command_write_settings(self) -> None:
         context = self.context
