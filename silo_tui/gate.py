@@ -5,6 +5,7 @@ what has the focus as it comes: it answered nobody, or edited the table below.
 """
 
 import asyncio
+import math
 import re
 import time
 from collections import deque
@@ -22,6 +23,7 @@ from silo_tui.model.words import text
 AT_ONCE = ("ctrl+q",)  # ends the program, whatever is waited for
 LETS_GO = ("escape", "ctrl+c")  # what is waited for while a flow is under way
 DROPPED = "keys typed before this question was there were dropped: it may lose something"
+STRAY = "what was typed on at once, behind a key that is none here, was left out"
 TELLS_AFTER_S = 0.3
 IN_ONE_GO_S = 0.5  # between the letters of a word
 WALKS = 2  # the key up to the app, then what it posted on its way
@@ -60,6 +62,7 @@ class Gate:
         self.holds = False  # while what was opened is shown, one screen after another
         self._spelled: tuple[str, str, float] = "", "", 0.0  # what a letter chose, as far as it is typed, and when
         self._last = self._opener = ""  # the last key, and the one before what was chosen, which opens that again
+        self._letter_s = self._stray_s = -math.inf  # when the last letter was typed, and one of a word for nobody
 
     def keeps(self, typed: Typed) -> bool:
         """Whether what was typed must wait, or is dropped; else it is carried out now."""
@@ -103,10 +106,25 @@ class Gate:
             while self._kept and self._kept[0].time < top.drawn_s:  # what followed it was meant for where it led
                 self._kept.popleft()
             return
-        if self._spells_on(typed, top):
+        if self._is_astray(typed) or self._spells_on(typed, top):
             return
+        letter = (typed.character or "") if isinstance(typed, events.Key) else ""
+        self._letter_s = typed.time if letter.isalpha() else -math.inf
         self._through.append(typed)
         self._app.post_message(typed)
+
+    def refused(self) -> None:
+        """Take letters that follow at once on the last one for a word that it began, as it means nothing here."""
+        self._stray_s = self._letter_s
+
+    def _is_astray(self, typed: Typed) -> bool:
+        """Whether it goes on with a word of which a letter was refused: some other letter of it might be a command."""
+        is_of_word = isinstance(typed, events.Key) and typed.is_printable
+        if not is_of_word or typed.time - self._stray_s >= IN_ONE_GO_S:
+            return False
+        self._stray_s = typed.time
+        self._app.context.say(STRAY)
+        return True
 
     def _spells_on(self, typed: Typed, top: Any) -> bool:
         """Whether it only spells out the word of what one letter chose already: on the screen it would be a command."""

@@ -100,6 +100,7 @@ class MenuReader:
             return
         if entries is None:
             self.draw()
+            self._app.gate.refused()
             screen.context.say(f"{key_text(key)} is not in the menu; {key_of('back')} leaves it", hint=True)
             return
         command = entries[0]

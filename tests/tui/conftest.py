@@ -4,6 +4,7 @@ import asyncio
 import functools
 import inspect
 import itertools
+import math
 import time
 import traceback
 import unicodedata
@@ -523,6 +524,7 @@ class Screen:
             for key in keys:
                 name = _character_to_key(key) if len(key) == 1 and not key.isalnum() else key
                 await self.until(self._may_be_answered, "a question that was drawn")
+                self.app.gate._stray_s = -math.inf  # key by key: what was refused is read before the next
                 self.app.post_message(events.Key(name, character_of(name)))
                 await self.carried_out()
         await self.pilot.pause(0)

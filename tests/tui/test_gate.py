@@ -10,7 +10,7 @@ from textual import events
 from textual.widgets import Input
 
 from silo_tui import gate as module
-from silo_tui.gate import DROPPED, TELLS_AFTER_S, Gate, Holding
+from silo_tui.gate import DROPPED, STRAY, TELLS_AFTER_S, Gate, Holding
 from silo_tui.modal import Dialog
 
 
@@ -250,6 +250,18 @@ async def test_what_was_typed_once_the_question_was_drawn_is_not_dropped_with_wh
     app.gate._let_through()
     app.gate._let_through()
     assert (app.passed, app.said) == (["z"], [DROPPED])
+
+
+@pytest.mark.parametrize(
+    ("after_s", "passed"), [([0.1, 0.2], "x"), ([0.4, 0.8], "x"), ([0.6, 0.7], "xae"), ([0.1, 0.7], "xe")]
+)
+async def test_what_is_typed_on_at_once_behind_a_key_that_was_refused_is_no_command(after_s, passed):
+    app = App()
+    app.meant["x"] = app.gate.refused
+    for key, at_s in zip("xae", [0.0, *after_s], strict=True):
+        app.type(key, at_s=1.0 + at_s)
+    await app.done()
+    assert ("".join(app.passed), set(app.said)) == (passed, {STRAY} if len(passed) < 3 else set())
 
 
 # -------------------------------------------------------------------------------------------------- what is waited for

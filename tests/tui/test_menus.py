@@ -6,8 +6,11 @@ import pytest
 from textual import events
 
 from silo_tui.actions import BY_ID
+from silo_tui.gate import STRAY
 from silo_tui.keymap import OPENERS, in_menu, use_keys
 from silo_tui.menus import DRAWN_AFTER_S, DRAWN_AFTER_THIN_S, MenuReader
+from silo_tui.screens.dialogs.questions import OrderDialog, Question
+from silo_tui.screens.table import TableScreen
 from silo_tui.widgets.inputs import Fleeting
 from tests.stand_ins.desk import Plain, Sheet
 
@@ -53,6 +56,10 @@ class Reading(Plain):
         self.sheet.desk = self
         self.size, self.timer = SimpleNamespace(width=80), None
         self.reader = MenuReader(self, lambda: True)
+        self.gate, self.refusals = SimpleNamespace(refused=self.refused), 0
+
+    def refused(self):
+        self.refusals += 1
 
     def set_timer(self, after_s, do):
         self.timer = SimpleNamespace(after_s=after_s, do=do, stop=lambda: None)
@@ -99,6 +106,7 @@ def test_a_key_that_ends_the_program_ends_it_in_a_menu_too(reading):
 
 def test_a_letter_that_is_in_no_menu_leaves_it_open(reading):
     reading.typed("e", "Q")
+    assert reading.refusals == 1
     assert reading.sheet.told[-1] == "Q is not in the menu; Esc leaves it"
     assert reading.sheet.lines and reading.sheet.covered, "one row of what is said stays"
     assert reading.sheet.in_bar == "a letter Does what stands behind it  Esc Leaves the menu"
@@ -310,6 +318,16 @@ def test_the_menu_of_edits_and_the_words_typed_call_what_is_saved_a_configuratio
     _, entries = menu(reading, "e")
     assert {"w  Save configuration", "l  Load configuration"} <= {each.strip() for each in entries}
     assert BY_ID["save_script"].typed.help == "save the configuration"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("typed", "stays"), [("vxtiS", TableScreen), ("oZdi", OrderDialog), ("vvxeS", Question)])
+async def test_a_word_typed_where_its_letters_mean_nothing_gives_no_commands_by_the_rest(typed, stays, fake, opened):
+    async with opened(fake.run()) as screen:
+        await screen.type(typed)
+        await screen.shows(STRAY[:30])
+        await screen.until(lambda: screen.app.gate.free)
+        assert (type(screen.app.screen), screen.session.rows.sort) == (stays, "name")
 
 
 @pytest.mark.slow

@@ -133,7 +133,7 @@ async def test_what_is_typed_while_an_answer_is_awaited_is_for_the_dialog_it_bri
     async with opened(fake) as screen:
         burst(screen, "L")
         await screen.until(lambda: isinstance(screen.app.screen, Holding))
-        burst(screen, "x t u enter")
+        burst(screen, "x t u enter")  # the first is no letter of it, nor what goes on behind it
         await screen.pilot.pause()
         assert isinstance(screen.app.screen, Holding)
         assert not screen.app.gate.free

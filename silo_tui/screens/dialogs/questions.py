@@ -177,6 +177,7 @@ class Question(Dialog[str | None]):
                 self.pick(choice.value)
                 return
         if event.is_printable and event.character not in (*MOVED_BY, " "):
+            cast(Any, self.app).gate.refused()
             self._show_keys(f"{event.character} is no answer here  ")
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
@@ -434,6 +435,7 @@ class OrderDialog(Dialog[str | None]):
         if found is not None or event.key in ("escape", "q"):
             self.dismiss(found)
         else:
+            cast(Any, self.app).gate.refused()
             cast(Any, self.app).context.say(
                 f"{key_text(event.key)} is no letter of an order; {key_of('back')} leaves", hint=True
             )
