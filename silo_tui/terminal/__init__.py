@@ -77,8 +77,8 @@ def thin_head(app: App[Any], room: int) -> str:
     driver = _driver_of(app)
     if driver is None:
         return ""
-    busy = driver.busyness.is_busy
-    return head_words(driver.thinness, driver.painted, link_words(driver.pacer), room, busy=busy)
+    told = driver.busyness.is_told
+    return head_words(driver.thinness, driver.painted, link_words(driver.pacer), room, busy=told)
 
 
 def thin_words(app: App[Any], wished_hz: float) -> str:

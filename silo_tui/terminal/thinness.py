@@ -45,6 +45,7 @@ STEPS = (
 SLOWEST_HZ = 0.5
 RATE_S = 3.0  # over which the rate of paints is measured
 BELOW = 0.8  # of the wished rate: less is told; timers are not that exact
+TOLD_S = 10.0  # so long it goes on to be told: words in the head that come and go with each second move the others
 
 
 class Painted:
@@ -52,27 +53,28 @@ class Painted:
 
     def __init__(self) -> None:
         self._asked_s: deque[tuple[float, bool]] = deque()  # when it was asked whether to paint, and what came of it
-        self._wished_hz = 0.0
+        self._wished_hz = self._hz = 0.0
+        self._below_s = float("-inf")
 
     def note(self, wished_hz: float, *, painted: bool, now_s: float) -> None:
         """Take whether values were painted when it was their turn."""
         if wished_hz != self._wished_hz:
             self._asked_s.clear()
-            self._wished_hz = wished_hz
+            self._wished_hz, self._below_s = wished_hz, float("-inf")
         self._asked_s.append((now_s, painted))
         while self._asked_s[0][0] < now_s - RATE_S - 1 / wished_hz:
             self._asked_s.popleft()
+        span_s = now_s - self._asked_s[0][0]
+        self._hz = sum(painted for _, painted in list(self._asked_s)[1:]) / span_s if span_s else 0.0
+        if span_s >= RATE_S - 1 / wished_hz and self._hz < BELOW * wished_hz:
+            self._below_s = now_s
 
     @property
     def words(self) -> str:
-        """`1.2 of 5 Hz` where that is less than wished; empty else, and until enough was seen."""
-        if not self._asked_s:
+        """`1.2 of 5 Hz` where that is less than wished, or was a moment ago; empty else, and until enough was seen."""
+        if not self._asked_s or self._asked_s[-1][0] > self._below_s + TOLD_S:
             return ""
-        span_s = self._asked_s[-1][0] - self._asked_s[0][0]
-        hz = sum(painted for _, painted in list(self._asked_s)[1:]) / span_s if span_s else 0.0
-        if span_s < RATE_S - 1 / self._wished_hz or hz >= BELOW * self._wished_hz:
-            return ""
-        return f"{hz:.1f} of {text.short(self._wished_hz, 2)} Hz"  # as wide as before: it stands in a line
+        return f"{self._hz:.1f} of {text.short(self._wished_hz, 2)} Hz"  # as wide as before: it stands in a line
 
 
 class Thinness:
@@ -133,12 +135,19 @@ class Busyness:
 
     def __init__(self) -> None:
         self._waited: deque[tuple[float, float]] = deque()  # when, and for how long in all until then
+        self._busy_s = float("-inf")  # when it was last
 
     def note(self, waited_s: float, now_s: float) -> None:
         """Take for how long it has waited in all."""
         self._waited.append((now_s, waited_s))
         while self._waited[0][0] < now_s - BUSY_S:
             self._waited.popleft()
+        self._busy_s = now_s if self.is_busy else self._busy_s
+
+    @property
+    def is_told(self) -> bool:
+        """Whether that is so, or was a moment ago."""
+        return bool(self._waited) and self._waited[-1][0] <= self._busy_s + TOLD_S
 
     @property
     def is_busy(self) -> bool:

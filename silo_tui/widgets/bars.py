@@ -139,7 +139,7 @@ class StatusBar(FittingLine):
         else:
             name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "dead"}[status.state]
             add(0, STATE_SIGNS[status.state], bold(variables, name))
-            add(11, f" {duration_text(session.run_seconds)}" if status.started_ns else "")
+            add(10, f" {duration_text(session.run_seconds)}" if status.started_ns else "")
         if self.mode:
             initials = " ".join(some.split()[0] for some in self.mode.split("  ") if some.strip())
             shorter = tuple(f" {words} " for words in (self.mode.partition(",")[0], initials) if words)
@@ -147,7 +147,7 @@ class StatusBar(FittingLine):
         if lost := session.lost_total:
             add(0, f"  lost {text.count(lost)}", bold(variables, "alarm"))
         elif session.fresh:  # of a dead program nobody knows what it would have logged
-            add(10, "  lost 0")
+            add(11, "  lost 0")
         if session.connected:
             parts += self._pace(wide=wide)
         limits = session.limits_shown() if self._beside_rows else session.limits
@@ -164,7 +164,7 @@ class StatusBar(FittingLine):
     def _thin(self) -> list[LinePart]:
         """Return what the link, or this computer, does not take; of the link less and less."""
         forms: list[str] = []
-        room, live = self.content_size.width, self.session.running and self.session.at_s is None
+        room, live = self.content_size.width, self.session.running and self.session.at_s is None and not self.mode
         while (words := thin_head(self.app, room)) and f"  {words}" not in forms:
             if not live and not words.startswith("THIN"):
                 break  # of what stands still nothing is drawn too rarely

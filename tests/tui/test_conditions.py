@@ -140,7 +140,7 @@ class TestWords:
         assert head_words([], [seen])[0] == ("1 alarm (HH) seen", "1 alarm (HH)", "HH 1")
         assert head_words([], [HOT, seen, seen])[0] == ("3 alarms (HH)", "HH 3")
         over = replace(HOT, word=LimitWord.OK)
-        ended = ("1 alarm ended unseen", "1 ended unseen")
+        ended = ("1 alarm ended unseen", "1 alarm ended")
         assert head_words([], [over, replace(over, alarm=False)]) == (ended, False, ())
         assert head_words([], [over, seen])[0] == (
             "1 alarm (HH) seen, 1 ended unseen", "1 alarm (HH), 1 ended", "1 alarm (HH)", "HH 1",

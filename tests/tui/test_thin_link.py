@@ -428,7 +428,13 @@ def test_nothing_is_told_of_a_rate_before_it_was_measured():
     for tick in range(50):
         found.note(5.0, painted=False, now_s=tick / 5)
     assert found.words == "0.0 of 5 Hz"
-    found.note(4.0, painted=False, now_s=10.0)
+    for tick in range(50):  # it is told for a moment more, as what comes and goes is no sign of anything
+        found.note(5.0, painted=True, now_s=10 + tick / 5)
+    assert found.words == "5.0 of 5 Hz"
+    for tick in range(50):
+        found.note(5.0, painted=tick < 40, now_s=20 + tick / 5)
+    assert found.words == "1.9 of 5 Hz"
+    found.note(4.0, painted=False, now_s=30.0)
     assert found.words == ""
 
 
@@ -446,7 +452,9 @@ def test_processors_are_busy_where_one_waits_for_them():
     assert found.is_busy
     for tick in range(15):  # and no more when that is over
         found.note(3.0, 10 + tick / 5)
-    assert not found.is_busy
+    assert (found.is_busy, found.is_told) == (False, True)  # but for the head, whose words don't come and go
+    found.note(3.0, 25.0)
+    assert not found.is_told
 
 
 def test_a_busy_computer_is_no_thin_link():

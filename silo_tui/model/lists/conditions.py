@@ -185,7 +185,7 @@ def head_words(
         words = (f"{now}{seen}{ended}", *(now + each for each in more), now, f"{limit_word(worst)} {len(over)}")
         alarm = tuple(dict.fromkeys(words))
     elif missed:
-        alarm = (f"{many(missed, 'alarm')} ended unseen", f"{missed} ended unseen")
+        alarm = (f"{many(missed, 'alarm')} ended unseen", f"{many(missed, 'alarm')} ended")
     return alarm, worst is not None and worst.is_red, watching
 
 
