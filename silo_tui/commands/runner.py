@@ -23,16 +23,7 @@ from silo_tui.actions import (
     typed_on_file,
     with_keys,
 )
-from silo_tui.commands import flows
-from silo_tui.commands.view_flows import (
-    LAST,
-    ROBOT,
-    keep_view,
-    numbered,
-    open_view,
-    robots_names,
-    tell_views,
-)
+from silo_tui.commands import flows, view_flows
 from silo_tui.context import Context, SiloScreen
 from silo_tui.layouts import files, views
 from silo_tui.layouts.presets import BY_NAME, PRESETS
@@ -91,7 +82,7 @@ class CommandRunner:
                 context.session.short_name(name) for name in context.session.table.names[context.session.table.own :]
             ],
             "types": lambda: SAVED_NAMES,
-            "views": lambda: ["save", *([LAST] if context.left_view else []), *BY_NAME, *files.names()],
+            "views": lambda: ["save", *([view_flows.LAST] if context.left_view else []), *BY_NAME, *files.names()],
             "logs": lambda: command_line.logs(begun, context.session.status.folder if context.has_session else ""),
             "control": lambda: self._control_words(typed[:-1]),
             "themes": lambda: (*THEMES, *sorted(context.app.available_themes)),
@@ -250,37 +241,39 @@ class CommandRunner:
         if typed.arguments[:1] == ("save",) and len(typed.arguments) > 1:
             self._save_view(" ".join(typed.arguments[1:]))
         elif typed.arguments:
-            self._context.run_flow(open_view(self._context, typed.rest), asks_robot=False)
+            self._context.run_flow(view_flows.open_view(self._context, typed.rest), asks_robot=False)
         elif typed is BY_KEY:
             self._context.run_flow(self._choose_view(), asks_robot=False)
         else:
-            self._context.run_flow(tell_views(self._context))
+            self._context.run_flow(view_flows.tell_views(self._context))
 
     async def _choose_view(self) -> None:
         """Ask what to look at: what one looks for first, or a view that was kept."""
-        choices = [Choice(each.name, each.words, each.letter) for each in PRESETS] + numbered(files.names())
+        choices = [Choice(each.name, each.words, each.letter) for each in PRESETS] + view_flows.numbered(files.names())
         if (left := self._context.left_view) is not None:
-            choices.append(Choice(LAST, f"What was on the screen {left.since}", "a"))
+            choices.append(Choice(view_flows.LAST, f"What was on the screen {left.since}", "a"))
         if self._context.session.link is not None:  # it is asked for them only then: what is here waits for nobody
-            choices.append(Choice(ROBOT, "Views that the robot keeps", "r"))
+            choices.append(Choice(view_flows.ROBOT, "Views that the robot keeps", "r"))
         choices.append(Choice(KEEP, "Keep what is on the screen, by a name", "w"))
         name = await self._context.app.push_screen_wait(Question("Look at what?", "", choices))
-        if name == ROBOT:
-            if not (kept := numbered(await robots_names(self._context))):
-                raise RefusedError(f"the robot keeps no views: `:view save {ROBOT}NAME` keeps what is on the screen")
+        if name == view_flows.ROBOT:
+            if not (kept := view_flows.numbered(await view_flows.robots_names(self._context))):
+                raise RefusedError(
+                    f"the robot keeps no views: `:view save {view_flows.ROBOT}NAME` keeps what is on the screen"
+                )
             name = await self._context.app.push_screen_wait(Question("Look at what?", "", kept))
         if name == KEEP and (screen := self._context.upper_screen) is not None:
             screen.begin_command("view save")
         elif name:
-            await open_view(self._context, name)
+            await view_flows.open_view(self._context, name)
 
     def _save_view(self, name: str) -> None:
         layout = views.capture(self._context)
         if layout is None:
             raise RefusedError("no logger is open: there is nothing to keep")
         plots = f" with {many(len(layout.plots), 'plot')}" if layout.plots else ""
-        if name.startswith(ROBOT):
-            self._context.run_flow(keep_view(self._context, name.removeprefix(ROBOT), layout))
+        if name.startswith(view_flows.ROBOT):
+            self._context.run_flow(view_flows.keep_view(self._context, name.removeprefix(view_flows.ROBOT), layout))
             return
         file = files.place(name)
         again = file.exists()

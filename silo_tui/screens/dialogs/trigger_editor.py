@@ -9,15 +9,7 @@ from silo.files.formats import SAVED_NAMES
 from silo.judging.checks import as_held, check_held
 from silo.judging.triggers import SLACK_S
 from silo_tui.context import Context
-from silo_tui.model.lists.conditions import (
-    NO_FILES,
-    UNNAMED,
-    capture_words,
-    fields_of,
-    options_of_fields,
-    slow_words,
-    tried_lines,
-)
+from silo_tui.model.lists import conditions
 from silo_tui.model.words import text
 from silo_tui.screens.dialogs.form import CONDITION, Form, taken, told
 from silo_tui.sessions.live import Session
@@ -56,7 +48,7 @@ class TriggerEditor(Form[TriggerOptions]):
     KEYS_HERE = "Enter Sets it  Tab Next field  → Edits what stands there  Esc Back"
     NAMING = ("when", "rearm")
     AFTER_S = 0.5
-    NEEDED: ClassVar = {"name": UNNAMED, "when": CONDITION}
+    NEEDED: ClassVar = {"name": conditions.UNNAMED, "when": CONDITION}
     ABOUT: ClassVar = {
         "name": "stands in names of its files: letters and digits",
         "when": "it fires as this turns true (see mode): signals, numbers with units, and or not",
@@ -66,7 +58,7 @@ class TriggerEditor(Form[TriggerOptions]):
         "post": "so much after the moment is in the file",
         "persist": "'when' must be true for so long before it fires: 0 at once",
         "holdoff": "after it fired nothing fires for so long: 0 at once again",
-        "save": f"files of a capture: {', '.join(SAVED_NAMES)}, or {NO_FILES}",
+        "save": f"files of a capture: {', '.join(SAVED_NAMES)}, or {conditions.NO_FILES}",
         "keep": "so many of the newest captures stay, older ones are deleted: 0 keeps all",
     }
 
@@ -77,7 +69,13 @@ class TriggerEditor(Form[TriggerOptions]):
         where = f"on {session.name}"
         title = f"New trigger {where}" if is_new else f"Trigger {options.name} {where}"
         super().__init__(
-            title, LINES, fields_of(options), HINTS, problem, "when" if options.name else "name", session.table
+            title,
+            LINES,
+            conditions.fields_of(options),
+            HINTS,
+            problem,
+            "when" if options.name else "name",
+            session.table,
         )
         self._session = session
         self._options, self._wanted_s = options, wanted_s
@@ -87,19 +85,19 @@ class TriggerEditor(Form[TriggerOptions]):
     async def look(self) -> str:
         fields = self.fields
         unnamed = not fields["name"]  # the condition counts while there is no name yet
-        made = options_of_fields({**fields, "name": "new"} if unnamed else fields, self._options)
+        made = conditions.options_of_fields({**fields, "name": "new"} if unnamed else fields, self._options)
         if not made.when:
             return "\n".join([CONDITION, *self._shorter(made)])
         tried = await self._session.tried(made)
         loop = self._session
-        slow = slow_words(made, loop.measured_hz, loop.status.frequency_hz) if loop.loop_slow else ""
+        slow = conditions.slow_words(made, loop.measured_hz, loop.status.frequency_hz) if loop.loop_slow else ""
         return "\n".join(
             [
-                *tried_lines(tried, self.told_width),
-                capture_words(tried, made),
+                *conditions.tried_lines(tried, self.told_width),
+                conditions.capture_words(tried, made),
                 *([slow] if slow else []),
                 *(self._too_short(made) or self._shorter(made)),
-                *([f"name it before Enter: {UNNAMED}"] if unnamed else []),
+                *([f"name it before Enter: {conditions.UNNAMED}"] if unnamed else []),
             ]
         )
 
@@ -118,4 +116,4 @@ class TriggerEditor(Form[TriggerOptions]):
         return []
 
     def made(self) -> TriggerOptions:
-        return options_of_fields(self.fields, self._options)
+        return conditions.options_of_fields(self.fields, self._options)

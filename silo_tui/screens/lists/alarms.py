@@ -11,15 +11,7 @@ from silo.core.conditions import SignalLimits
 from silo.core.quantities.writing import and_more
 from silo.errors import RefusedError
 from silo_tui.actions import key_of
-from silo_tui.model.lists.conditions import (
-    STATE,
-    alarms_words,
-    lasted_width,
-    limit_head,
-    limit_row,
-    signal_width,
-    waits_for,
-)
+from silo_tui.model.lists import conditions as rows
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words.names import fitting_names, inside, shared_space
 from silo_tui.model.words.states import MEANINGS, limit_word
@@ -62,7 +54,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     )
 
     def head(self, width: int) -> str:
-        return limit_head(self._room, self._space, self._lasted)
+        return rows.limit_head(self._room, self._space, self._lasted)
 
     def prepare(self, found: Sequence[LimitStatus], width: int) -> None:
         """Fit the names of all into the same cells: different ones stay different."""
@@ -71,8 +63,8 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         below = [inside(self._space, name) for name in names]
         status = self.session.status
         self._now_ns = time.time_ns() if self.session.running else status.last_tick_ns or time.time_ns()
-        self._lasted = lasted_width(found, self._now_ns)
-        self._room = signal_width(below, width, self._lasted)
+        self._lasted = rows.lasted_width(found, self._now_ns)
+        self._room = rows.signal_width(below, width, self._lasted)
         fitted = fitting_names(below, self._room)
         self._names = dict(zip(map(self.key_of, found), fitted, strict=True))
 
@@ -97,10 +89,10 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         return f"{limit_word(one.word)} {self.session.short_name(one.name)} {one.seen} {one.why}"
 
     def row_of(self, one: LimitStatus, width: int) -> Text:
-        line = Text(limit_row(one, self._names[self.key_of(one)], self._room, self._now_ns, self._lasted))
+        line = Text(rows.limit_row(one, self._names[self.key_of(one)], self._room, self._now_ns, self._lasted))
         red = one.word.is_red
         if one.is_over or one.word is LimitWord.BLIND:
-            line.stylize(bold(self.app.theme_variables, "alarm" if red else "warning"), 2, 2 + STATE)
+            line.stylize(bold(self.app.theme_variables, "alarm" if red else "warning"), 2, 2 + rows.STATE)
         elif _is_quiet(one):
             line.stylize("dim")
         return line
@@ -112,7 +104,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         if one.why:
             return f"{one.name} is blind: {one.why}"
         count, meaning = len(self.session.limits), MEANINGS.get(limit_word(one.word), "")
-        if waits := waits_for(one):
+        if waits := rows.waits_for(one):
             meaning = ", ".join(filter(None, [meaning, waits]))
         elif one.word is LimitWord.OK:
             meaning = f"{_kept(one)}{' again' if one.violated else ''}"
@@ -124,7 +116,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         is_cut = self._names[self.key_of(one)] != inside(self._space, whole)
         told = f"{whole}: " * is_cut + ", ".join(filter(None, [meaning, unseen]))
         more = f"the first {MOST_LINES} of {count}" if count > MOST_LINES else ""
-        return " │ ".join(filter(None, [told, more, alarms_words(self.session.limits)]))
+        return " │ ".join(filter(None, [told, more, rows.alarms_words(self.session.limits)]))
 
     # ------------------------------------------------------------------------------------------------- commands
 

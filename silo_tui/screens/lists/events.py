@@ -11,22 +11,8 @@ from silo.core.elements import LoggedEvent
 from silo.core.quantities.writing import many
 from silo_tui.actions import Command, key_of
 from silo_tui.modal import run_alone, run_aside
+from silo_tui.model.lists import happened as rows
 from silo_tui.model.lists.conditions import MOST_PLOTS, named_in
-from silo_tui.model.lists.happened import (
-    NAMES,
-    ORDERS,
-    csv_text,
-    folded,
-    gone_words,
-    in_time,
-    letter,
-    line,
-    long_words,
-    matches,
-    of_last_run,
-    who_did,
-    words,
-)
 from silo_tui.model.lists.ordering import arranged
 from silo_tui.model.words.paths import typed_file
 from silo_tui.screens.dialogs.exporting import write_whole
@@ -44,7 +30,7 @@ class EventsScreen(LoggerList[LoggedEvent]):
     """A list of lines that shows the newest ones until one moves in it."""
 
     scope = "events"
-    orders = ORDERS
+    orders = rows.ORDERS
     filter_hint = "-E without edits, M marks alone, other words"
 
     def __init__(self, session: Session) -> None:
@@ -115,10 +101,10 @@ class EventsScreen(LoggerList[LoggedEvent]):
 
     def show(self) -> None:
         self._known = self.session.happened
-        self._all = in_time(self._known)
-        self._folded = folded(self._all)
-        self._run = next((one.run for one in of_last_run(self._known)), "")
-        self._long = long_words(self._all, self.session.told)
+        self._all = rows.in_time(self._known)
+        self._folded = rows.folded(self._all)
+        self._run = next((one.run for one in rows.of_last_run(self._known)), "")
+        self._long = rows.long_words(self._all, self.session.told)
         super().show()
 
     def key_of(self, one: LoggedEvent) -> str:
@@ -129,8 +115,8 @@ class EventsScreen(LoggerList[LoggedEvent]):
         return f"{self.key_of(one)} {one.at_ns} {one.clock_ns}"
 
     def row_of(self, one: LoggedEvent, width: int) -> Text:
-        shown = Text(line(one, self.told(one), width - 2, self.session.status.logger, self._long))
-        if letter(one) in "MTX":
+        shown = Text(rows.line(one, self.told(one), width - 2, self.session.status.logger, self._long))
+        if rows.letter(one) in "MTX":
             shown.stylize("bold")
         if self._is_gone(one):
             shown = Text.assemble(shown[:1], GONE, shown[2:])
@@ -138,10 +124,10 @@ class EventsScreen(LoggerList[LoggedEvent]):
         return shown
 
     def passes(self, one: LoggedEvent) -> bool:
-        return matches(one, self.asked, self.told(one))
+        return rows.matches(one, self.asked, self.told(one))
 
     def told(self, one: LoggedEvent) -> str:
-        return words(one, self.session.told)
+        return rows.words(one, self.session.told)
 
     def head(self, width: int) -> str:
         signs = f"   {GONE} no longer in memory" if any(map(self._is_gone, self.shown)) else ""
@@ -149,7 +135,7 @@ class EventsScreen(LoggerList[LoggedEvent]):
         return f"{begin:<{width - 5}}who" if any(map(self._who, self.shown)) else begin
 
     def _who(self, one: LoggedEvent) -> str:
-        return who_did(one, self.session.status.logger)
+        return rows.who_did(one, self.session.status.logger)
 
     def going_on(self) -> Sequence[str]:
         count = many(len(self._all), "event")
@@ -158,12 +144,12 @@ class EventsScreen(LoggerList[LoggedEvent]):
         follows = ", follows" if self._following else f", {key_of('list_top')} follows"
         follows *= self.session.at_s is None  # nothing comes to a file
         one = self.chosen
-        kind = NAMES.get(letter(one), "") if one is not None else ""
+        kind = rows.NAMES.get(rows.letter(one), "") if one is not None else ""
         told = "" if one is None else self.told(one)  # whole: its line may have no room for it
-        told = f"{letter(one)} {kind}: {told}" if one is not None and kind else told
+        told = f"{rows.letter(one)} {kind}: {told}" if one is not None and kind else told
         told += f", by {who}" if one is not None and (who := self._who(one)) else ""
         if one is not None and self._is_gone(one):
-            told = f"{told} │ {GONE} {gone_words(one, self._known)}"
+            told = f"{told} │ {GONE} {rows.gone_words(one, self._known)}"
         return [told, f"{count}{follows}" if self.all else "nothing happened yet"]
 
     def follow(self, known: str, place: int | None) -> int | None:
@@ -211,7 +197,7 @@ class EventsScreen(LoggerList[LoggedEvent]):
     async def _written(self, given: str, shown: Sequence[LoggedEvent]) -> None:
         with self.context.telling():
             path = typed_file("the file of events", given, ".csv")
-            await asyncio.to_thread(lambda: write_whole(path, csv_text(shown).encode("utf-8", "backslashreplace")))
+            await asyncio.to_thread(lambda: write_whole(path, rows.csv_text(shown).encode("utf-8", "backslashreplace")))
             self.context.say(f"{many(len(shown), 'event')} written: {path.absolute()}")
 
     def command_go_to_event(self) -> None:
@@ -222,7 +208,9 @@ class EventsScreen(LoggerList[LoggedEvent]):
             self.say("this happened before the first tick: no place in the plots")
             return
         if self._is_gone(event):
-            self.say(f"no plot has it: {gone_words(event, self._known)}; {key_of('recordings')} lists what is saved")
+            self.say(
+                f"no plot has it: {rows.gone_words(event, self._known)}; {key_of('recordings')} lists what is saved"
+            )
             return
         named, plots = self._named(event), self._plots_below
         if plots is not None and named and not {each.element.name for each in plots.stack.plots} & set(named):

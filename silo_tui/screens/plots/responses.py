@@ -23,17 +23,8 @@ from silo.core.tuning.parameters import Excitation, ParameterInfo, Wave, only_me
 from silo.errors import ElementError, SiloError
 from silo_tui.context import Context, SiloScreen
 from silo_tui.modal import Dialog, run_alone
+from silo_tui.model.lists import responses
 from silo_tui.model.lists.happened import of_last_run
-from silo_tui.model.lists.responses import (
-    HeldResponse,
-    HeldSamples,
-    Response,
-    bode_words,
-    last_told,
-    named_signal,
-    rate_words,
-    typed_window,
-)
 from silo_tui.screens.dialogs.questions import Prompt, confirmed
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import KeyBar
@@ -53,7 +44,7 @@ class ResponseScreen(SiloScreen):
     scope = "response"
 
     def __init__(
-        self, session: Session, asked: Response, read: Callable[[], Awaitable[ResponseLog]], *, step: bool
+        self, session: Session, asked: responses.Response, read: Callable[[], Awaitable[ResponseLog]], *, step: bool
     ) -> None:
         """`read` gives what is held of the two signals now."""
         super().__init__()
@@ -95,15 +86,15 @@ class ResponseScreen(SiloScreen):
         from silo.analysis.plots.responses import bode_charts, step_chart, step_words
 
         given, answer = self._asked.given, self._asked.answer
-        missing = log.missing if isinstance(log, HeldResponse) else ""
-        notes = [missing, rate_words(log[given.name], self.session.status.frequency_hz)]
+        missing = log.missing if isinstance(log, responses.HeldResponse) else ""
+        notes = [missing, responses.rate_words(log[given.name], self.session.status.frequency_hz)]
         if self.step:
             step = step_between(log, given.name, answer.name, *self._asked.window)
             units = [one.element.unit for one in (given, answer)]
             charts, said = [step_chart(step, "" if units[1] == "-" else units[1])], [*step_words(step, *units)]
         else:
             bode = bode_between(log, given.name, answer.name, *self._asked.window, None)
-            charts, said = [*bode_charts(bode)], [bode_words(bode)]
+            charts, said = [*bode_charts(bode)], [responses.bode_words(bode)]
         width, height = size
         with _DRAWING:
             text = "\n".join(
@@ -134,9 +125,9 @@ async def show_response(
     if not words:
         raise ElementError(f"say which two signals: {USAGE}")
     given, answer = words[0], "".join(words[1:2])
-    window = typed_window(words[2:])
+    window = responses.typed_window(words[2:])
     elements, prefix = session.table.elements, session.status.prefix
-    first = named_signal(elements, prefix, given)
+    first = responses.named_signal(elements, prefix, given)
     if not answer:
         body = "The signal that answers to it; :bode IN OUT shows it later."
         if told is not None:
@@ -144,14 +135,16 @@ async def show_response(
         typed = await context.app.push_screen_wait(
             Prompt(
                 f"How does which signal answer to {session.short_name(first.name)}?", body, "", "joints/q_3",
-                lambda line: named_signal(elements, prefix, line),
+                lambda line: responses.named_signal(elements, prefix, line),
             )
         )  # fmt: skip
         if typed is None:
             return
         answer = typed
-    told = told or last_told(of_last_run(session.happened), first)
-    asked = Response(first, named_signal(elements, prefix, answer), told, session.status.started_ns, window)
+    told = told or responses.last_told(of_last_run(session.happened), first)
+    asked = responses.Response(
+        first, responses.named_signal(elements, prefix, answer), told, session.status.started_ns, window
+    )
 
     async def read() -> ResponseLog:
         return await _read(session, asked)
@@ -160,7 +153,7 @@ async def show_response(
     await context.app.push_screen(ResponseScreen(session, asked, read, step=step))
 
 
-async def _read(session: Session, asked: Response) -> ResponseLog:
+async def _read(session: Session, asked: responses.Response) -> ResponseLog:
     from silo.analysis.log import Log
     from silo_tui.sessions.recorded import FileSession
 
@@ -170,11 +163,11 @@ async def _read(session: Session, asked: Response) -> ResponseLog:
         raise ElementError("the logger was started anew since: what it held before is gone")
     names, (start, end) = (asked.given.name, asked.answer.name), asked.ticks
 
-    def job(client: "Client") -> list[HeldSamples]:
+    def job(client: "Client") -> list[responses.HeldSamples]:
         found = client.samples(list(dict.fromkeys(names)), start, end, by="tick")
-        return [alike(HeldSamples, found[name]) for name in names]
+        return [alike(responses.HeldSamples, found[name]) for name in names]
 
-    return HeldResponse(asked, *await session.connection.aside(job))
+    return responses.HeldResponse(asked, *await session.connection.aside(job))
 
 
 class Exciting(Dialog[None]):

@@ -20,20 +20,8 @@ from silo_tui.context import SiloScreen
 from silo_tui.modal import ask, run_aside
 from silo_tui.model.drawing.plots import Picture, Plotted
 from silo_tui.model.drawing.window import PlotWindow
+from silo_tui.model.plots import scope as scopes
 from silo_tui.model.plots.facts import extremes
-from silo_tui.model.plots.scope import (
-    AUTO_S,
-    LEVEL_STEPS,
-    NEXT,
-    SPANS,
-    Mode,
-    Scope,
-    axis_word,
-    newest_of,
-    other_span,
-    parse_settings,
-    picture_of,
-)
 from silo_tui.model.plots.time_axis import QUARTERS
 from silo_tui.model.samples.source import PlotSource, Samples
 from silo_tui.model.words import text
@@ -69,13 +57,13 @@ class _Caught:
 class ScopeStack(PlotStack):
     """One plot; its time counts from the crossing, its level is a line."""
 
-    def __init__(self, plots: Sequence[Plotted], window: PlotWindow, source: PlotSource, scope: Scope) -> None:
+    def __init__(self, plots: Sequence[Plotted], window: PlotWindow, source: PlotSource, scope: scopes.Scope) -> None:
         super().__init__(list(plots), window, source)
         self.show_panels([tuple(plots)])
         self.scope = scope
 
     def _axis_words(self) -> list[tuple[float, str]]:
-        return [(share, axis_word(self.scope, share)) for share in QUARTERS]
+        return [(share, scopes.axis_word(self.scope, share)) for share in QUARTERS]
 
     def _facts(self, at: int, plotted: Plotted) -> str:
         picture: Picture = self._panel(at).pictures[0]
@@ -95,11 +83,11 @@ class ScopeScreen(SiloScreen):
 
     scope = "scope"
 
-    def __init__(self, session: Session, plots: Sequence[Plotted], settings: Scope) -> None:
+    def __init__(self, session: Session, plots: Sequence[Plotted], settings: scopes.Scope) -> None:
         super().__init__()
         self.session, self.live = session, session.source
         self.settings = settings
-        self.window = PlotWindow(settings.span_s, 0, spans=SPANS)
+        self.window = PlotWindow(settings.span_s, 0, spans=scopes.SPANS)
         self.stack = ScopeStack(plots, self.window, _Caught(self.live), settings)
         self.stack.prefix = session.status.prefix.rstrip("/")
         self.stack.level = settings.level
@@ -130,7 +118,7 @@ class ScopeScreen(SiloScreen):
     @property
     def waits(self) -> bool:
         """Whether it waits for a crossing."""
-        done = self.settings.mode is Mode.SINGLE and self.caught_ns > 0
+        done = self.settings.mode is scopes.Mode.SINGLE and self.caught_ns > 0
         return not self._held and not done
 
     def _look_again(self) -> None:
@@ -142,7 +130,7 @@ class ScopeScreen(SiloScreen):
             settings, newest_ns = self.settings, self.live.end_ns
             try:
                 at_ns, between = await self._newest_crossing(settings, newest_ns)
-                late = settings.mode is Mode.AUTO and time.monotonic() - self._waits_since_s > AUTO_S
+                late = settings.mode is scopes.Mode.AUTO and time.monotonic() - self._waits_since_s > scopes.AUTO_S
                 free = at_ns is None and (self._forced or late)
                 if free:
                     at_ns = newest_ns - settings.post_ns
@@ -154,7 +142,7 @@ class ScopeScreen(SiloScreen):
                 self._why = str(error) if isinstance(error, RefusedError) else "no link"
         self._tell()
 
-    async def _newest_crossing(self, settings: Scope, newest_ns: int) -> tuple[int | None, int]:
+    async def _newest_crossing(self, settings: scopes.Scope, newest_ns: int) -> tuple[int | None, int]:
         """Return the newest crossing that the whole picture of is there, and how many others came since the last."""
         link, name = self.session.link, self.stack.plots[0].name
         end_ns = newest_ns - settings.post_ns
@@ -171,18 +159,20 @@ class ScopeScreen(SiloScreen):
         one = found[name]
         if one.why:
             raise RefusedError(f"{self.session.short_name(name)}: {one.why}")
-        at_ns, between = newest_of(one.time_ns, self._since_ns)
+        at_ns, between = scopes.newest_of(one.time_ns, self._since_ns)
         self._since_ns = max(self._since_ns, end_ns)
         return at_ns, between
 
-    async def _samples_around(self, settings: Scope, at_ns: int) -> dict[str, Samples]:
+    async def _samples_around(self, settings: scopes.Scope, at_ns: int) -> dict[str, Samples]:
         link, names = self.session.link, [plotted.name for plotted in self.stack.plots if plotted.numeric]
         if link is None:
             raise RefusedError("no logger is open")
         begin_ns, end_ns = at_ns - settings.pre_ns, at_ns + settings.post_ns + 1
         return await link.samples(names, begin_ns, end_ns)
 
-    def _show(self, settings: Scope, samples: dict[str, Samples], at_ns: int, between: int, *, crossing: bool) -> None:
+    def _show(
+        self, settings: scopes.Scope, samples: dict[str, Samples], at_ns: int, between: int, *, crossing: bool
+    ) -> None:
         self._samples, self._forced = samples, False
         if crossing:
             self.caught, self._between, self.caught_ns = self.caught + 1 + between, between, at_ns
@@ -196,7 +186,7 @@ class ScopeScreen(SiloScreen):
         self.stack.level = self.settings.level
         self.window.span_s, self.window.paused_end_ns = self.settings.span_s, self.settings.post_ns
         if self._samples:
-            self.stack.store = picture_of(self._samples, self.settings, at_ns, self.stack.columns)
+            self.stack.store = scopes.picture_of(self._samples, self.settings, at_ns, self.stack.columns)
         self.stack.redraw()
 
     # ----------------------------------------------------------------------------------------------------- what it says
@@ -209,9 +199,9 @@ class ScopeScreen(SiloScreen):
         if self._held:
             return "HELD"
         if not self.caught_ns:
-            return "AUTO no edge yet" if self.settings.mode is Mode.AUTO and self._samples else "ARMED"
+            return "AUTO no edge yet" if self.settings.mode is scopes.Mode.AUTO and self._samples else "ARMED"
         ago_s = max(0.0, (self.live.end_ns - self.caught_ns) / 1e9)
-        if self.settings.mode is Mode.AUTO and time.monotonic() - self._waits_since_s > AUTO_S:
+        if self.settings.mode is scopes.Mode.AUTO and time.monotonic() - self._waits_since_s > scopes.AUTO_S:
             return f"AUTO no edge for {text.span(round(time.monotonic() - self._waits_since_s))}"
         return f"CAUGHT {text.span(ago_s, 2)} ago"
 
@@ -241,7 +231,7 @@ class ScopeScreen(SiloScreen):
 
     # -------------------------------------------------------------------------------------------------- commands
 
-    def _set(self, settings: Scope, words: str) -> None:
+    def _set(self, settings: scopes.Scope, words: str) -> None:
         self.settings = settings
         self.say(words)
         self._waits_since_s = time.monotonic()
@@ -249,15 +239,15 @@ class ScopeScreen(SiloScreen):
         self._tell()
 
     def command_scope_mode(self) -> None:
-        mode = NEXT[self.settings.mode]
-        if mode is not Mode.SINGLE:
+        mode = scopes.NEXT[self.settings.mode]
+        if mode is not scopes.Mode.SINGLE:
             self._held = False
         self._set(replace(self.settings, mode=mode), f"mode {mode.value}")
 
     def command_move_level(self, step: int) -> None:
         bottom, top = self.stack.scale_of_first()
         height = (top - bottom) if top > bottom else max(abs(self.settings.level), 1.0)
-        level = float(text.short(self.settings.level + step * height / LEVEL_STEPS))
+        level = float(text.short(self.settings.level + step * height / scopes.LEVEL_STEPS))
         self._set(replace(self.settings, level=level), "")
 
     def command_scope_settings(self) -> None:
@@ -265,15 +255,17 @@ class ScopeScreen(SiloScreen):
         way = "rising" if now.direction > 0 else "falling"
         typed = f"{way} {text.short(now.level, 6)} pre {100 * now.pre:g} {now.mode.value}"
         body = "rising or falling, the level, pre and its share in %, normal, single or auto"
-        prompt = Prompt("Scope", body, typed, "e.g. rising 20 pre 40 normal", lambda line: parse_settings(line, now))
-        ask(self, prompt, lambda line: self._set(parse_settings(line, now), ""))
+        prompt = Prompt(
+            "Scope", body, typed, "e.g. rising 20 pre 40 normal", lambda line: scopes.parse_settings(line, now)
+        )
+        ask(self, prompt, lambda line: self._set(scopes.parse_settings(line, now), ""))
 
     def command_scope_force(self) -> None:
         self._forced = True
         self.say("what is there now")
 
     def command_scope_hold(self) -> None:
-        if self.settings.mode is Mode.SINGLE and self.caught_ns and not self._held:
+        if self.settings.mode is scopes.Mode.SINGLE and self.caught_ns and not self._held:
             self.caught_ns, self._since_ns = 0, self.live.end_ns
             self.say("armed again")
         else:
@@ -284,7 +276,7 @@ class ScopeScreen(SiloScreen):
         self._tell()
 
     def command_zoom(self, closer: bool) -> None:
-        self._set(replace(self.settings, span_s=other_span(self.settings.span_s, closer=closer)), "")
+        self._set(replace(self.settings, span_s=scopes.other_span(self.settings.span_s, closer=closer)), "")
 
     def command_move_cursor(self, cells: int) -> None:
         self.window.move_cursor(cells, self.stack.columns)
