@@ -212,100 +212,64 @@ def test_after_the_terminal_s_content_was_lost_it_is_all_sent_again(draw):
     assert line.terminal.seen() == repainted.seen()
 
 
-def test_a_frame_like_the_one_before_sends_nothing():
-    line = Line()
-    frame = painted((1, 2), [("abc", "1;31"), ("漢字", "4")])
-    line.paint(frame)
-    line.send()
-    line.paint(frame)
+def sent(*frames, at=(0, 0), **able):
+    """Send pieces of a line, one frame after the other; returns what was sent of the last, and what stands there."""
+    line = Line(**able)
+    for frame in frames:
+        line.paint(painted(at, frame))
+        text, _ = line.send()
     assert line.send() == ("", None)
-
-
-def test_of_a_number_that_changed_only_its_digit_is_sent():
-    line = Line()
-    line.paint(painted((2, 3), [("value ", "2"), ("12.345", "38;2;1;2;3")]))
-    line.send()
-    line.paint(painted((2, 3), [("value ", "2"), ("12.346", "38;2;1;2;3")]))
-    assert line.send()[0] == "\x1b[3;15H\x1b[38;2;1;2;3m6\x1b[m"
-
-
-def test_an_equal_style_is_not_said_twice():
-    line = Line()
-    line.paint(painted((0, 0), [("ab", "31"), (" ", "32"), ("cd", "31")]))
-    assert line.send()[0] == "\x1b[1;1H\x1b[31mab cd\x1b[m"
-
-
-@pytest.mark.parametrize(
-    ("count", "sent"), [(LONG_BLANK - 1, " " * (LONG_BLANK - 1)), (LONG_BLANK, "\x1b[12X\x1b[12C")]
-)
-def test_few_blanks_are_sent_and_many_erased(count, sent):
-    line = Line()
-    line.paint(painted((0, 0), [(" " * count + "a", "44")]))
-    assert line.send()[0] == f"\x1b[1;1H\x1b[44m{sent}a\x1b[m"
-
-
-def test_blanks_are_erased_only_where_the_terminal_erases_to_its_background():
-    blank = painted((0, 0), [(" " * WIDTH, "44")])
-    line = Line()
-    line.paint(blank)
-    assert line.send()[0] == f"\x1b[1;1H\x1b[44m\x1b[{WIDTH}X\x1b[m"
-    line = Line(erases=False)
-    line.paint(blank)
-    assert " " * WIDTH in line.send()[0]
-
-
-def test_after_blanks_were_erased_what_changed_behind_them_is_at_its_place():
-    line = Line()
-    line.paint(painted((0, 0), [("x" * 20 + "same" * 3 + "x" * 20, "44")]))
-    line.send()
-    line.paint(painted((0, 0), [(" " * 20 + "same" * 3 + " " * 20, "44")]))
-    line.send()
-    assert line.terminal.text.splitlines()[0] == " " * 20 + "same" * 3
+    return text, line.terminal.text.splitlines()[at[0]]
 
 
 CURVE = "".join(random.Random(1).choices("⠉⣿⠒⡇", k=WIDTH))
+ALIKE = [("abc", "1;31"), ("漢字", "4")]
+NUMBERS = [[("value ", "2"), (number, "38;2;1;2;3")] for number in ("12.345", "12.346")]
+SHORT, LONG, WHOLE = ([(" " * count + "a", "44")] for count in (LONG_BLANK - 1, LONG_BLANK, WIDTH))
+
+
+@pytest.mark.parametrize(
+    ("frames", "able", "words"),
+    [
+        ([ALIKE, ALIKE], {}, ""),
+        (NUMBERS, {}, "\x1b[1;12H\x1b[38;2;1;2;3m6\x1b[m"),  # only its digit
+        ([[("ab", "31"), (" ", "32"), ("cd", "31")]], {}, "\x1b[1;1H\x1b[31mab cd\x1b[m"),  # a style is said once
+        ([SHORT], {}, f"\x1b[1;1H\x1b[44m{' ' * (LONG_BLANK - 1)}a\x1b[m"),
+        ([LONG], {}, "\x1b[1;1H\x1b[44m\x1b[12X\x1b[12Ca\x1b[m"),
+        ([WHOLE], {}, f"\x1b[1;1H\x1b[44m\x1b[{WIDTH}X\x1b[m"),
+        ([WHOLE], {"erases": False}, f"\x1b[1;1H\x1b[44m{' ' * WIDTH}\x1b[m"),
+        ([[(CURVE, "")], [(CURVE[3:] + "⠉⠉⠉", "")]], {"deletes": False}, f"\x1b[1;1H{CURVE[3:]}⠉⠉⠉"),
+        ([[("🙂b", "")]], {}, "\x1b[1;1H  \x1b[1G🙂\x1b[3Gb"),  # of doubtful width: the place of the next
+    ],
+)
+def test_what_is_sent_is_what_changed_as_short_as_the_terminal_takes_it(frames, able, words):
+    assert sent(*frames, **able)[0] == words
+
+
+def test_after_blanks_were_erased_what_changed_behind_them_is_at_its_place():
+    lines = (each * 20 + "same" * 3 + each * 20 for each in "x ")
+    assert sent(*([(line, "44")] for line in lines))[1] == " " * 20 + "same" * 3
 
 
 @pytest.mark.parametrize(("by", "before"), [(3, "1 │"), (1, "1 │"), (3, ""), (12, "1 │")])
 def test_of_a_curve_that_went_on_only_what_is_new_is_sent(by, before):
-    line, room = Line(), WIDTH - len(before) - 7
+    room = WIDTH - len(before) - 7
     curve = CURVE + CURVE[::-1]
-    line.paint(painted((0, 0), [(f"{before}{curve[:room]}│", "")]))
-    line.send()
-    line.paint(painted((0, 0), [(f"{before}{curve[by : room + by]}│", "")]))
-    moved = f"\x1b[1;{len(before) + 1}H\x1b[{by}P\x1b[{room - by}C"
-    assert line.send()[0].startswith(f"{moved}{curve[room : room + by]}│")
-    assert line.send() == ("", None)
-    assert line.terminal.text.splitlines()[0] == f"{before}{curve[by : room + by]}│"
-
-
-def test_a_line_of_which_nothing_is_as_it_was_is_sent_anew():
-    line = Line()
-    line.paint(painted((0, 0), [(CURVE, "")]))
-    line.send()
-    line.paint(painted((0, 0), [(CURVE[::-1], "")]))
-    assert "P" not in line.send()[0]
-    assert line.terminal.text.splitlines()[0] == CURVE[::-1]
+    text, stands = sent(*([(f"{before}{curve[at : room + at]}│", "")] for at in (0, by)))
+    assert text.startswith(f"\x1b[1;{len(before) + 1}H\x1b[{by}P\x1b[{room - by}C{curve[room : room + by]}│")
+    assert stands == f"{before}{curve[by : room + by]}│"
 
 
 @pytest.mark.parametrize(
-    ("shown", "wanted"), [("漢", "a"), ("a", "漢"), ("漢", "漢"), ("🙂", "🙂"), ("∑", "a"), ("a", "∑")]
-)
-def test_a_line_with_a_character_of_another_width_is_not_moved(shown, wanted):
-    line = Line()
-    line.paint(painted((0, 0), [(f"{shown}{CURVE[:60]}", "")]))
-    line.send()
-    line.paint(painted((0, 0), [(f"{wanted}{CURVE[3:63]}", "")]))
-    assert "P" not in line.send()[0]
-    assert line.terminal.text.splitlines()[0].startswith(f"{wanted}{CURVE[3:63]}")
-
-
-def test_a_terminal_that_can_t_take_out_characters_is_not_asked_to():
-    line = Line(deletes=False)
-    line.paint(painted((0, 0), [(CURVE, "")]))
-    line.send()
-    line.paint(painted((0, 0), [(CURVE[3:] + "⠉⠉⠉", "")]))
-    assert line.send()[0] == f"\x1b[1;1H{CURVE[3:]}⠉⠉⠉"
+    ("shown", "wanted"),
+    [(CURVE, CURVE[::-1]), *((f"{one}{CURVE[:60]}", f"{other}{CURVE[3:63]}") for one, other in (
+        ("漢", "a"), ("a", "漢"), ("漢", "漢"), ("🙂", "🙂"), ("∑", "a"), ("a", "∑"),
+    ))],
+)  # fmt: skip
+def test_a_line_of_which_nothing_is_as_it_was_or_with_a_character_of_another_width_is_not_moved(shown, wanted):
+    text, stands = sent([(shown, "")], [(wanted, "")])
+    assert "P" not in text
+    assert stands.startswith(wanted)
 
 
 def test_what_doesn_t_fit_waits_and_comes_next():
@@ -341,12 +305,6 @@ def test_after_what_may_move_cells_nothing_is_taken_for_known(sequence):
     line = Line()
     line.paint(sequence)
     assert [(each.text, each.forget) for each in line.through] == [(sequence, True)]
-
-
-def test_a_character_of_doubtful_width_is_followed_by_the_place_of_the_next():
-    line = Line()
-    line.paint(painted((0, 0), [("🙂b", "")]))
-    assert line.send()[0] == "\x1b[1;1H  \x1b[1G🙂\x1b[3Gb"
 
 
 @given(st.lists(st.sampled_from(STYLES), min_size=2, max_size=12))

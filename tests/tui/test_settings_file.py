@@ -50,6 +50,7 @@ def test_an_empty_file_sets_nothing(text):
     assert read(text) == (Settings(), [])
 
 
+CLASSIC = "keymap: classic\n"
 MISTAKES = [
     ("colums: [div]", "'colums' is unknown; did you mean 'columns'?"),
     ("qwertz: 5", "'qwertz' is unknown; there are theme"),
@@ -95,22 +96,22 @@ def test_a_mistake_costs_its_line_and_no_other(line, words):
     assert f"line {2 + line.count(chr(10))}:" in str(problems[0])
 
 
-def test_a_second_line_for_the_same_is_told():
-    found, problems = read("rate: 2\nrate: 3\n")
-    assert found.rate == 2
-    assert str(problems[0]) == "tui.yaml line 2: rate is there twice; the first counts. Left out"
-
-
-def test_a_second_line_for_the_same_command_is_told():
-    found, problems = read("keymap: classic\nkeys:\n  filter: f10\n  filter: f11\n")
-    assert found.keys == {"filter": "f10"}
-    assert str(problems[0]) == "tui.yaml line 4: filter is there twice; the first counts. Left out"
-
-
-def test_a_file_that_is_no_group_of_lines_is_left_out_and_told():
-    found, problems = read("# mine\n- theme\n")
-    assert found == Settings()
-    assert list(map(str, problems)) == ["tui.yaml line 2: write lines such as `theme: dark`, not a list"]
+@pytest.mark.parametrize(
+    ("text", "found", "told"),
+    [
+        ("rate: 2\nrate: 3\n", {"rate": 2.0}, "line 2: rate is there twice; the first counts. Left out"),
+        (f"{CLASSIC}keys:\n  filter: f10\n  filter: f11\n", {"keys": {"filter": "f10"}},
+         "line 4: filter is there twice; the first counts. Left out"),
+        ("# mine\n- theme\n", {}, "line 2: write lines such as `theme: dark`, not a list"),
+        (f"{CLASSIC}keys:\n  sort: O\n  apply: O\n", {"keys": {"sort": "O"}}, "line 4: O of apply is sort (Order) "),
+    ],
+)  # fmt: skip
+def test_of_two_lines_for_one_thing_the_later_is_left_out_and_what_is_no_line_and_it_is_told(text, found, told):
+    keymap = {"keymap": "classic"} if text.startswith(CLASSIC) else {}
+    settings, problems = read(text)
+    assert settings == Settings(**found, **keymap)
+    (problem,) = map(str, problems)
+    assert problem.startswith(f"tui.yaml {told}")
 
 
 @pytest.mark.parametrize(
@@ -147,36 +148,17 @@ def test_a_key_that_was_pressed_may_be_one_that_no_command_can_have(key, why):
 
 
 @pytest.mark.parametrize(
-    ("words", "keys"),
+    ("base", "text", "keys"),
     [
-        ("f10, ctrl+f", "f10,ctrl+f"),
-        ('","', "comma"),
-        ('" , "', "comma"),
-        ("[f10, f10]", "f10"),
-        ('["/", f10]', "slash,f10"),
+        ("classic", "filter: f10, ctrl+f", {"filter": "f10,ctrl+f"}), ("classic", 'filter: ","', {"filter": "comma"}),
+        ("classic", 'filter: " , "', {"filter": "comma"}), ("classic", "filter: [f10, f10]", {"filter": "f10"}),
+        ("classic", 'filter: ["/", f10]', {"filter": "slash,f10"}),
+        ("two-layer", "last_capture: f10", {"last_capture": "f10"}),  # in classic alone it has one
+        ("classic", "apply: x\n  discard: a", {"apply": "x", "discard": "a"}),
     ],
-)
-def test_a_command_has_one_key_or_several(words, keys):
-    assert read(f"keymap: classic\nkeys:\n  filter: {words}\n") == (
-        Settings(keymap="classic", keys={"filter": keys}),
-        [],
-    )
-
-
-def test_a_command_that_has_a_key_in_one_keymap_alone_can_have_another():
-    assert read("keymap: two-layer\nkeys: {last_capture: f10}\n") == (Settings(keys={"last_capture": "f10"}), [])
-
-
-def test_two_commands_may_change_keys():
-    found, problems = read("keys:\n  apply: x\n  discard: a\nkeymap: classic\n")
-    assert not problems
-    assert found.keys == {"apply": "x", "discard": "a"}
-
-
-def test_of_two_lines_that_want_one_key_the_later_is_left_out():
-    found, problems = read("keys:\n  sort: O\n  apply: O\nkeymap: classic\n")
-    assert found.keys == {"sort": "O"}
-    assert "line 3: O of apply is sort (Order) already" in str(problems[0])
+)  # fmt: skip
+def test_a_command_has_one_key_or_several_and_two_may_change_theirs(base, text, keys):
+    assert read(f"keymap: {base}\nkeys:\n  {text}\n") == (Settings(keymap=base, keys=keys), [])
 
 
 def test_a_line_left_out_takes_its_key_back_from_another():
