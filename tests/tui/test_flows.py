@@ -513,18 +513,12 @@ def test_who_quits_is_asked_where_a_demo_ends_with_the_program(saved, edited, an
     assert "The demo robot ends with silo-tui; what it logged is saved." in desk.asked[0]
 
 
-def test_a_demo_that_died_ends_without_a_question(unsaved):
+@pytest.mark.parametrize("began", [True, False])
+def test_a_demo_that_died_or_has_not_begun_ends_without_a_question(began, unsaved):
     desk = Desk(unsaved)
     desk.has_demo = lambda: True
-    desk.session.take_status(msgspec.structs.replace(desk.session.status, state=State.DEAD))
-    desk.does(flows.leave(desk))
-    assert (desk.ended, desk.asked) == (True, [])
-
-
-def test_a_demo_that_has_not_begun_ends_without_a_question(saved):
-    desk = Desk(saved)
-    desk.has_demo = lambda: True
-    desk.take_session(None)
+    dead = msgspec.structs.replace(desk.session.status, state=State.DEAD)
+    desk.session.take_status(dead) if began else desk.take_session(None)
     desk.does(flows.leave(desk))
     assert (desk.ended, desk.asked) == (True, [])
 

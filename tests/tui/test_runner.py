@@ -64,8 +64,8 @@ def test_without_a_screen_there_is_no_view_to_keep(fake, monkeypatch):
         typed(Desk(fake), "view save a")
 
 
-@pytest.mark.parametrize("name", ["walk", "save"])
-def test_a_view_that_was_kept_is_opened_by_its_name(name, fake, shown):
+@pytest.mark.parametrize("name", ["walk", "save", "hottest", "near-limit"])
+def test_a_view_that_was_kept_is_opened_by_its_name_though_another_has_it(name, fake, shown):
     files.save(files.place(name), ONE)
     assert typed(Desk(fake), f"view {name}") == f"view {name}"
     assert shown == [ONE]
@@ -117,13 +117,6 @@ def test_a_view_that_is_always_there_is_of_all_whatever_the_filter_shows(before,
     desk.session.rows.set_filter(before)
     assert typed(desk, "view hottest").startswith("view hottest: temperatures"), "what is shown"
     assert shown == [BY_NAME["hottest"].layout]
-
-
-@pytest.mark.parametrize("name", ["hottest", "near-limit"])
-def test_a_view_that_was_kept_by_the_name_of_another_wins(name, fake, shown):
-    files.save(files.place(name), ONE)
-    assert typed(Desk(fake), f"view {name}") == f"view {name}"
-    assert shown == [ONE]
 
 
 def test_what_is_near_a_limit_is_looked_for_as_it_is_now(fake, shown):
