@@ -187,9 +187,7 @@ def _check_holes(signal: Signal, begin_ns: int, end_ns: int, fps: int, *, whole_
         since, to = max(hole[0], begin_ns), min(hole[1], end_ns)
         if (to - since) * fps > 1_000_000_000:
             span = " to ".join(f"{(at - signal.start_ns) * 1e-9:.3g} s" for at in (since, to))
-            raise ElementError(
-                f"'{signal.name}' was off, overwritten or not recorded from {span}{_way_out(whole_run)}"
-            )
+            raise ElementError(f"'{signal.name}' was off, overwritten or not recorded from {span}{_way_out(whole_run)}")
 
 
 def _held(signals: Sequence[Signal], begin_ns: int, end_ns: int, fps: int, *, whole_run: bool) -> str:

@@ -186,7 +186,11 @@ def peaks_of(spectrum: Spectrum, most: int = MOST_PEAKS, known: Sequence[Peak] =
         if not heights[line] > floor * least[line]:
             continue
         is_top = heights[line] == heights[max(0, line - 1) : line + 2].max()
-        if is_top and heights[line] > noise[line] * least[line] and all(_is_apart(heights, line, other) for other in found):
+        if (
+            is_top
+            and heights[line] > noise[line] * least[line]
+            and all(_is_apart(heights, line, other) for other in found)
+        ):
             found.append(line)
         if len(found) == most:
             break
