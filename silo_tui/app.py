@@ -442,6 +442,8 @@ class SiloApp(Guarded, App[None]):
             context.say(f"the tour needs a logger: {key_of('demo')} starts the demo")
             return
         context.tour = Tour() if context.tour is None else None
+        if context.tour is not None and (upper := context.upper_screen) is not None and not self._is_home(upper):
+            self.command_go_home()  # its steps begin at the table
         context.say("")  # that it ended, a moment ago
         context.tell_upper(lambda screen: screen.show_news(context.news))
 

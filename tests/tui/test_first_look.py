@@ -290,10 +290,13 @@ async def test_the_tour_goes_on_as_its_steps_are_done(fake, opened):
         await screen.until(lambda: "tour" not in screen.text)
 
 
-async def test_the_tour_is_left_as_everything_is(fake, opened):
+async def test_the_tour_begins_at_the_table_and_is_left_as_everything_is(fake, opened):
     async with opened(fake.run()) as screen:
-        await screen.press("question_mark", "t")
+        await screen.do("events")
+        await screen.until(lambda: screen.app.screen.scope == "events", "a list that the first step knows nothing of")
+        await screen.enter(":tour")
         await screen.shows("tour 1 of 6")
+        assert screen.app.screen.scope == "table"
         await screen.press("slash", *"torque", "enter", "escape")  # leaves the filter first
         await screen.shows("tour 2 of 6")
         await screen.press("escape")
