@@ -226,6 +226,9 @@ class Direct:
     """A recorder without its process: `step` does what its loop does, as often as a test likes."""
 
     def __init__(self, robot: Robot, order: RecordOrder, disk: RecorderDisk | None = None) -> None:
+        self.robot = robot
+        if not robot.log.is_running:
+            robot.start()
         Path(order.folder).mkdir(exist_ok=True)
         self.ledger = Ledger(Path(order.folder), order.name, 0.0, os.getpid())
         self.writing = Writing(order, self.ledger, disk or RecorderDisk())
@@ -234,6 +237,11 @@ class Direct:
         self.drain = RingCursor(reader, layout_of(reader.schema, order.patterns), None)
         begun = self.drain.layout, self.drain.begun_with, EventTail(reader, 0)
         self.writing.put(self.writing.begin_run, *begun)
+
+    def ticks(self, count: int) -> None:
+        """Have the robot log so often, and all of it written."""
+        self.robot.ticks(count)
+        self.step()
 
     def step(self) -> None:
         """Read all that is in the rings, and have it written."""
@@ -277,3 +285,9 @@ class Truth:
 @pytest.fixture
 def truth() -> Truth:
     return Truth()
+
+
+@pytest.fixture
+def direct(robot: Robot, tmp_path: Path) -> Direct:
+    """A recorder of all that the robot logs."""
+    return Direct(robot, RecordOrder("bot", str(tmp_path / "rec")))

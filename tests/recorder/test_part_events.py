@@ -61,9 +61,7 @@ def kept(path: Path) -> list[tuple[str, str, int]]:
     return [(event.kind, event.text, event.tick) for event in read_bag(path).events]
 
 
-def test_a_part_of_nothing_but_events_is_read_as_an_empty_run(robot, tmp_path, truth, happens) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
+def test_a_part_of_nothing_but_events_is_read_as_an_empty_run(direct, robot, tmp_path, happens) -> None:
     told = happens("before the first tick", -1)
     direct.finish()
     (path,) = parts(tmp_path)
@@ -75,10 +73,8 @@ def test_a_part_of_nothing_but_events_is_read_as_an_empty_run(robot, tmp_path, t
 
 
 def test_a_mark_right_before_the_end_of_a_run_is_waited_for_until_the_log_has_it(
-    robot, tmp_path, truth, monkeypatch
+    direct, robot, tmp_path, monkeypatch
 ) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
     robot.ticks(20)
     robot.log.mark("fell")
     (mark,) = direct.drain.reader.stamped_marks()
@@ -97,12 +93,9 @@ def test_a_mark_right_before_the_end_of_a_run_is_waited_for_until_the_log_has_it
 
 
 def test_a_part_goes_from_its_first_sample_to_its_last_whenever_what_it_tells_of_happened(
-    robot, tmp_path, truth, happens
+    direct, robot, tmp_path, happens
 ) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
-    robot.ticks(50)
-    direct.step()
+    direct.ticks(50)
     happens("by another clock", 0, stamp_ns=robot.log._present.run.segment.schema.started_ns)
     direct.finish()
     (path,) = parts(tmp_path)
@@ -114,16 +107,13 @@ def test_a_part_goes_from_its_first_sample_to_its_last_whenever_what_it_tells_of
         assert make_reader(file).get_summary().statistics.message_end_time > end_ns
 
 
-def test_what_happened_stands_in_the_part_as_in_the_event_log(robot, tmp_path, truth, happens) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
+def test_what_happened_stands_in_the_part_as_in_the_event_log(direct, robot, tmp_path, truth, happens) -> None:
     told = [happens("before the first tick", -1), happens("started", 0, "started")]
     robot.ticks(50)
     told.append(happens("slipped … 10 °C", 20))
     direct.step()
     told.append(happens("trigger 'fall' fired", 49, "triggered"))
-    robot.ticks(50)
-    direct.step()
+    direct.ticks(50)
     direct.finish()
     found = read_bag(parts(tmp_path)[0])
     stamps = found.time_ns.tolist()
@@ -132,9 +122,7 @@ def test_what_happened_stands_in_the_part_as_in_the_event_log(robot, tmp_path, t
     assert truth.span(found) == (0, 100)
 
 
-def test_other_readers_find_events_as_messages_of_ros(robot, tmp_path, truth, happens) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
+def test_other_readers_find_events_as_messages_of_ros(direct, robot, tmp_path, truth, happens) -> None:
     robot.ticks(30)
     happens("slipped", 12)
     direct.step()
@@ -153,11 +141,8 @@ def test_other_readers_find_events_as_messages_of_ros(robot, tmp_path, truth, ha
         ]
 
 
-def test_a_mark_while_nothing_else_happens_is_in_the_part_at_once(robot, tmp_path, truth, happens) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
-    robot.ticks(30)
-    direct.step()
+def test_a_mark_while_nothing_else_happens_is_in_the_part_at_once(direct, tmp_path, happens) -> None:
+    direct.ticks(30)
     happens("stands still", 29)
     direct.writing.put(direct.writing.look_for_events)
     wait_until(lambda: direct.writing.is_idle)
@@ -170,11 +155,9 @@ def test_a_mark_while_nothing_else_happens_is_in_the_part_at_once(robot, tmp_pat
 def test_a_mark_after_the_last_row_of_a_part_has_one_of_its_own_if_no_row_follows(
     robot, tmp_path, truth, happens
 ) -> None:
-    robot.start()
     direct = truth.direct(robot, order(tmp_path, keep_bytes=40_000))
     while not parts(tmp_path):
-        robot.ticks(100)
-        direct.step()
+        direct.ticks(100)
     happens("stands still", robot.tick - 1)
     direct.finish()
     path = parts(tmp_path)[-1]
@@ -186,13 +169,11 @@ def test_a_mark_after_the_last_row_of_a_part_has_one_of_its_own_if_no_row_follow
 def test_an_episode_over_two_parts_lacks_its_end_in_the_first_and_its_beginning_in_the_second(
     robot, tmp_path, truth, happens
 ) -> None:
-    robot.start()
     direct = truth.direct(robot, order(tmp_path, split_bytes=40_000))
     robot.ticks(100)
     happens('episode "pick" begin {"object":"cup"}', 49)
     while not parts(tmp_path):
-        robot.ticks(100)
-        direct.step()
+        direct.ticks(100)
     seam = len(open_log(parts(tmp_path)[0]).time_ns)
     robot.ticks(100)
     happens('episode "pick" end good', robot.tick - 11)
@@ -210,17 +191,13 @@ def test_an_episode_over_two_parts_lacks_its_end_in_the_first_and_its_beginning_
     ]
 
 
-def test_news_of_recorders_alone_begin_no_part(robot, tmp_path, truth, happens) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
+def test_news_of_recorders_alone_begin_no_part(direct, tmp_path, happens) -> None:
     happens("recording 'bot': finished", 0, "recording")
     direct.finish()
     assert list((tmp_path / "rec").glob("*.mcap*")) == []
 
 
-def test_events_of_a_part_cut_at_any_byte_are_read_and_closed(robot, tmp_path, truth, happens) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
+def test_events_of_a_part_cut_at_any_byte_are_read_and_closed(direct, robot, tmp_path, truth, happens) -> None:
     for number in range(4):
         robot.ticks(50)
         happens(f"mark {number}", robot.tick - 1)
@@ -256,10 +233,8 @@ def test_limits_and_triggers_stand_in_every_part(robot, tmp_path, truth, capsys)
     robot.log.update(read_script=False)
     robot.log.limit("x", (None, None, 150, 250))
     robot.log.trigger("high", "x > 100", pre="10ms", post="10ms")
-    robot.start()
     direct = truth.direct(robot, order(tmp_path))
-    robot.ticks(300)
-    direct.step()
+    direct.ticks(300)
     direct.finish()
     found = open_log(parts(tmp_path)[0]).recording.conditions
     assert [one.name for one in found.limits] == ["x"]
@@ -272,10 +247,8 @@ def test_limits_of_what_is_not_recorded_stay_away(robot, tmp_path, truth, capsys
     robot.log.update(read_script=False)
     robot.log.limit("x", (None, None, 150, 250))
     robot.log.limit("slow", (None, None, 150, 250))
-    robot.start()
     direct = truth.direct(robot, order(tmp_path, patterns=("slow",)))
-    robot.ticks(300)
-    direct.step()
+    direct.ticks(300)
     direct.finish()
     assert [one.name for one in open_log(parts(tmp_path)[0]).recording.conditions.limits] == ["slow"]
     assert run(["check", str(parts(tmp_path)[0])]) == 0
@@ -284,14 +257,11 @@ def test_limits_of_what_is_not_recorded_stay_away(robot, tmp_path, truth, capsys
 
 def test_other_limits_begin_another_part(robot, tmp_path, truth) -> None:
     robot.log.update(read_script=False)
-    robot.start()
     direct = truth.direct(robot, order(tmp_path))
-    robot.ticks(50)
-    direct.step()
+    direct.ticks(50)
     robot.log.limit("x", (None, None, 150, 250))
     direct.writing.put(direct.writing.change_conditions, robot.log._conditions.now)
-    robot.ticks(50)
-    direct.step()
+    direct.ticks(50)
     direct.finish()
     told = [each for news in direct.writing.news if (each := news(RecorderState.RECORDING).finished)]
     names = [str(path) for path in parts(tmp_path)]
@@ -301,9 +271,7 @@ def test_other_limits_begin_another_part(robot, tmp_path, truth) -> None:
     assert [truth.span(one), truth.span(two)] == [(0, 50), (50, 100)]
 
 
-def test_the_event_log_is_followed_through_its_renaming(robot, tmp_path, truth, happens) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
+def test_the_event_log_is_followed_through_its_renaming(direct, robot, tmp_path, happens) -> None:
     robot.ticks(30)
     happens("one", 1)
     direct.step()
@@ -690,16 +658,12 @@ def test_what_is_derived_stands_behind_what_is_recorded_and_never_on_what_is_ano
     assert more_derived(old, (other, old[1], *stands)) == ((*old, more), ["/log/d", "/log/e"])
 
 
-def test_signals_that_come_later_count_from_where_they_begin(robot, tmp_path, truth) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
-    robot.ticks(103)
-    direct.step()
+def test_signals_that_come_later_count_from_where_they_begin(direct, robot, tmp_path) -> None:
+    direct.ticks(103)
     run = with_derived_rows(SegmentReader(robot.log._present.path), [Derived("/log/d1", "x * 3")])
     direct.drain = direct.drain.going_on(run, layout_of(run.schema, ()))
     direct.writing.put(direct.writing.add_signals, direct.drain.layout, dict(direct.drain.cursors))
-    robot.ticks(47)
-    direct.step()
+    direct.ticks(47)
     totals = direct.finish()
     assert (totals.lost, totals.parts) == (0, 2)
     assert direct.ledger.written.runs[0].begin[max(direct.drain.layout.rings)] == 103

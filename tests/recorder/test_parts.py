@@ -61,10 +61,8 @@ def test_who_closes_what_killed_recorders_left_never_takes_a_part_that_begins_ju
         lock(file, operation)
 
     monkeypatch.setattr(fcntl, "flock", late)
-    robot.start()
     direct = truth.direct(robot, order(tmp_path))
-    robot.ticks(500)
-    direct.step()
+    direct.ticks(500)
     assert direct.finish().lost == 0
     (path,) = parts(tmp_path)
     assert truth.span(read_bag(path)) == (0, 500)
@@ -72,15 +70,13 @@ def test_who_closes_what_killed_recorders_left_never_takes_a_part_that_begins_ju
 
 
 def test_parts_follow_one_another_without_a_gap_and_the_budget_deletes_only_its_own(robot, tmp_path, truth) -> None:
-    robot.start()
     direct = truth.direct(robot, order(tmp_path, keep_bytes=120_000))
     foreign = [tmp_path / "rec" / "other_20200101_10-00-00_00001.mcap", tmp_path / "rec" / "notes.txt"]
     for path in foreign:
         path.write_bytes(b"x" * 100_000)
     seen: dict[str, tuple[int, int]] = {}
     for ticks in np.random.default_rng(1).integers(100, 700, 24).tolist():
-        robot.ticks(ticks)
-        direct.step()
+        direct.ticks(ticks)
         for path in parts(tmp_path):
             if path.name not in seen:
                 seen[path.name] = truth.span(read_bag(path))
@@ -93,11 +89,8 @@ def test_parts_follow_one_another_without_a_gap_and_the_budget_deletes_only_its_
     assert 0 < len(parts(tmp_path)) < len(seen)
 
 
-def test_parts_of_an_earlier_recording_of_that_name_go_first_and_it_tells_so(robot, tmp_path, truth) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
-    robot.ticks(1500)
-    direct.step()
+def test_parts_of_an_earlier_recording_of_that_name_go_first_and_it_tells_so(direct, robot, tmp_path, truth) -> None:
+    direct.ticks(1500)
     direct.finish()
     (kept,) = parts(tmp_path)
     budget = kept.stat().st_size + 60_000
@@ -105,8 +98,7 @@ def test_parts_of_an_earlier_recording_of_that_name_go_first_and_it_tells_so(rob
     again = truth.direct(robot, order(tmp_path, keep_bytes=budget))
     again.ledger.begin_order("another")
     for _ in range(12):
-        robot.ticks(400)
-        again.step()
+        again.ticks(400)
     told = [report.told for report in again.told() if report.told]
     assert not kept.exists()
     assert told == [f"deleted {kept.name} of an earlier recording 'bot', to keep {size_text(budget)}"]
@@ -114,17 +106,14 @@ def test_parts_of_an_earlier_recording_of_that_name_go_first_and_it_tells_so(rob
 
 
 def test_a_file_that_was_put_in_the_place_of_a_part_is_not_deleted(robot, tmp_path, truth) -> None:
-    robot.start()
     direct = truth.direct(robot, order(tmp_path, keep_bytes=60_000))
     while not parts(tmp_path):
-        robot.ticks(200)
-        direct.step()
+        direct.ticks(200)
     first = parts(tmp_path)[0]
     first.rename(tmp_path / "kept.mcap")
     first.write_text("mine")
     for _ in range(12):
-        robot.ticks(500)
-        direct.step()
+        direct.ticks(500)
     assert direct.finish().parts > 4
     assert first.read_text() == "mine"
     assert (tmp_path / "kept.mcap").exists()
@@ -135,11 +124,9 @@ def test_a_recording_stops_with_words_before_the_disk_is_full(robot, tmp_path, t
     robot.start()
     free = [10_000_000]
     direct = truth.direct(robot, order(tmp_path), RecorderDisk(room=lambda _: (free[0], 100_000_000)))
-    robot.ticks(300)
-    direct.step()
+    direct.ticks(300)
     free[0] = 2_050_000
-    robot.ticks(300)
-    direct.step()
+    direct.ticks(300)
     totals = direct.finish()
     assert totals.state is RecorderState.FAILED
     assert re.sub(r"others: \S+ kB more", "others: 60 kB more", totals.text) == (
@@ -169,11 +156,9 @@ def test_a_disk_that_refuses_ends_the_recording_and_leaves_what_was_written(robo
         write_all(descriptor, buffers, offset)
 
     direct = truth.direct(robot, order(tmp_path), RecorderDisk(write=write))
-    robot.ticks(300)
-    direct.step()
+    direct.ticks(300)
     full[0] = True
-    robot.ticks(100)
-    direct.step()
+    direct.ticks(100)
     totals = direct.finish()
     assert totals.state is RecorderState.FAILED
     assert "No space left on device" in totals.text
@@ -197,8 +182,7 @@ def test_what_a_slow_disk_costs_is_counted_at_its_place(robot, tmp_path, truth, 
         write_all(descriptor, buffers, offset)
 
     direct = truth.direct(robot, order(tmp_path), RecorderDisk(write=write))
-    robot.ticks(500)
-    direct.step()
+    direct.ticks(500)
     gate.clear()
     robot.ticks(500)  # these wait in the queue
     direct.put()
@@ -211,8 +195,7 @@ def test_what_a_slow_disk_costs_is_counted_at_its_place(robot, tmp_path, truth, 
     gate.set()
     direct.step()
     direct.step()
-    robot.ticks(100)
-    direct.step()
+    direct.ticks(100)
     totals = direct.finish()
     (path,) = parts(tmp_path)
     found = read_bag(path)
@@ -254,10 +237,8 @@ def test_a_slow_disk_costs_nothing_while_queue_and_rings_have_room(robot, tmp_pa
 
 
 def test_text_that_is_none_goes_on_as_bytes_in_a_new_part(robot, tmp_path, truth) -> None:
-    robot.start()
     direct = truth.direct(robot, order(tmp_path, patterns=("word",)))
-    robot.ticks(50)
-    direct.step()
+    direct.ticks(50)
     for _ in range(20):
         robot.word[...] = b"\xff\x00\x01"
         robot.log.collect()
@@ -271,10 +252,8 @@ def test_text_that_is_none_goes_on_as_bytes_in_a_new_part(robot, tmp_path, truth
 
 
 def test_only_elements_of_a_divider_have_time_stamps_of_all_ticks(robot, tmp_path, truth) -> None:
-    robot.start()
     direct = truth.direct(robot, order(tmp_path, patterns=("slow",)))
-    robot.ticks(103)
-    direct.step()
+    direct.ticks(103)
     direct.finish()
     found = read_bag(parts(tmp_path)[0])
     truth.span(found)
@@ -290,8 +269,7 @@ def killed(robot, tmp_path, truth) -> Iterator[Path]:
     robot.start()
     direct = truth.direct(robot, order(tmp_path))
     for _ in range(4):
-        robot.ticks(100)
-        direct.step()
+        direct.ticks(100)
     (path,) = (tmp_path / "rec").glob("*.mcap.part")
     left = tmp_path / "left.mcap.part"
     left.write_bytes(path.read_bytes())
@@ -355,11 +333,8 @@ def test_of_a_part_a_signal_reads_its_own_messages_and_names_and_counts_read_non
     assert passes == [[x]]
 
 
-def test_a_part_that_is_being_written_is_not_closed_by_others(robot, tmp_path, truth) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
-    robot.ticks(100)
-    direct.step()
+def test_a_part_that_is_being_written_is_not_closed_by_others(direct, tmp_path, truth) -> None:
+    direct.ticks(100)
     assert left_parts(tmp_path / "rec") == []
     assert close_parts(tmp_path / "rec") == ([], [])
     direct.finish()
@@ -500,30 +475,12 @@ def test_what_a_cursor_reads_or_tells_to_be_lost_is_each_row_once_at_its_tick(ki
         assert came[ring] == sorted(came[ring])
 
 
-def test_a_hole_in_a_part_that_begins_later_is_counted_at_its_place(tmp_path, truth) -> None:
-    robot = truth.robot(tmp_path, size=50)
-    robot.start()
-    robot.ticks(100)
-    direct = truth.direct(robot, order(tmp_path))
-    for count in (40, 500, 10):
-        robot.ticks(count)
-        direct.step()
-    direct.finish()
-    robot.log.close()
-    found = read_bag(parts(tmp_path)[0])
-    assert truth.span(found) == (100, 650)
-    x = found.elements[0]
-    assert 0 < x.lost < 500
-    assert x.failures.spans == ((140, 140 + x.lost - 1),)
-
-
 def overtaken(tmp_path, truth):
     """A robot whose recorder has written 40 ticks, and what it reads next: the newest rows, and what is lost before."""
     robot = truth.robot(tmp_path, size=50)
     robot.start()
     direct = truth.direct(robot, order(tmp_path))
-    robot.ticks(40)
-    direct.step()
+    direct.ticks(40)
     robot.ticks(500)
     drained = direct.drain.read(2**20)
     assert drained.losses
@@ -537,8 +494,7 @@ def test_a_hole_at_the_seam_of_two_parts_is_counted_by_the_one_behind_it(tmp_pat
     writing.put(writing._finish_part, "it lasts 2 s")
     writing.put(writing.write, replace(drained, losses=[]))
     writing.put(writing._finish_part, "it lasts 2 s")
-    robot.ticks(10)
-    direct.step()
+    direct.ticks(10)
     totals = direct.finish()
     robot.log.close()
     first, second, third = (read_bag(path) for path in parts(tmp_path))
@@ -561,19 +517,15 @@ def test_a_hole_at_the_end_of_a_run_is_none_of_the_next_one(tmp_path, truth) -> 
     reader = SegmentReader(robot.log._present.path)
     direct.drain = RingCursor(reader, layout_of(reader.schema, order(tmp_path).patterns), None)
     direct.writing.put(direct.writing.begin_run, direct.drain.layout, direct.drain.begun_with, EventTail(reader, 0))
-    robot.ticks(30)
-    direct.step()
+    direct.ticks(30)
     direct.finish()
     robot.log.close()
     *_, last = (read_bag(path) for path in parts(tmp_path))
     assert (last.lost, last.warnings) == (0, ())
 
 
-def test_a_part_that_was_finished_and_not_renamed_gets_its_name_alone(robot, tmp_path, truth) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
-    robot.ticks(103)
-    direct.step()
+def test_a_part_that_was_finished_and_not_renamed_gets_its_name_alone(direct, tmp_path, truth) -> None:
+    direct.ticks(103)
     direct.finish()
     (path,) = parts(tmp_path)
     whole, counts = path.read_bytes(), truth.by_others(path)
@@ -585,20 +537,7 @@ def test_a_part_that_was_finished_and_not_renamed_gets_its_name_alone(robot, tmp
     assert truth.by_others(path) == counts
 
 
-def test_patterns_choose_what_is_recorded(robot, tmp_path, truth) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path, patterns=("slow", "/log/w*")))
-    robot.ticks(103)
-    direct.step()
-    direct.finish()
-    found = read_bag(parts(tmp_path)[0])
-    assert {element.name for element in found.elements} == {"/log/slow", "/log/word"}
-    truth.span(found)
-
-
-def test_of_two_recorders_of_one_name_in_one_folder_the_second_is_refused(robot, tmp_path, truth) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
+def test_of_two_recorders_of_one_name_in_one_folder_the_second_is_refused(direct, robot, tmp_path, truth) -> None:
     with pytest.raises(SaveError, match="another recorder writes"):
         truth.direct(robot, order(tmp_path))
     direct.finish()
@@ -617,14 +556,10 @@ def test_who_goes_on_where_no_part_is_open_begins_where_the_last_one_ended(runs,
     assert left_rows(SimpleNamespace(open_parts=list, name="bot", written=written)) == wanted
 
 
-def test_who_goes_on_begins_behind_a_part_whose_end_was_never_noted(robot, tmp_path, truth) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
-    robot.ticks(100)
-    direct.step()
+def test_who_goes_on_begins_behind_a_part_whose_end_was_never_noted(direct, robot, tmp_path) -> None:
+    direct.ticks(100)
     noted = (tmp_path / "rec" / ".bot.recorder.json").read_bytes()
-    robot.ticks(50)
-    direct.step()
+    direct.ticks(50)
     direct.finish()
     (tmp_path / "rec" / ".bot.recorder.json").write_bytes(noted)  # killed between the name of the part and its note
     ledger = Ledger(tmp_path / "rec", "bot", 0.0, os.getpid())
@@ -636,11 +571,8 @@ def test_who_goes_on_begins_behind_a_part_whose_end_was_never_noted(robot, tmp_p
     assert ledger.size_bytes == parts(tmp_path)[0].stat().st_size
 
 
-def test_a_part_that_was_never_noted_counts_for_the_budget_once_it_is_closed(robot, tmp_path, truth) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
-    robot.ticks(100)
-    direct.step()
+def test_a_part_that_was_never_noted_counts_for_the_budget_once_it_is_closed(direct, tmp_path) -> None:
+    direct.ticks(100)
     (path,) = (tmp_path / "rec").glob("*.part")
     (tmp_path / "rec" / path.name.replace("00001", "00007")).write_bytes(path.read_bytes())
     direct.finish()
@@ -675,8 +607,7 @@ def test_a_clock_beyond_what_the_format_holds_ends_no_recording(tmp_path, truth,
     robot.start()
     recorder = truth.direct(robot, RecordOrder("bot", str(tmp_path / "rec")))
     for _ in range(3):
-        robot.ticks(100)
-        recorder.step()
+        recorder.ticks(100)
     totals = recorder.finish()
     robot.log.close()
     found = [read_bag(path) for path in sorted((tmp_path / "rec").glob("*.mcap"))]
@@ -733,8 +664,7 @@ def recorded(robot, tmp_path, truth, times: int = 4, ticks: int = 103) -> list[P
     """A recording in so many parts at least, whose rings end at other ticks."""
     direct = truth.direct(robot, order(tmp_path, split_bytes=12_000))
     while len(parts(tmp_path)) < times:
-        robot.ticks(ticks)
-        direct.step()
+        direct.ticks(ticks)
     direct.finish()
     return parts(tmp_path)
 
@@ -767,12 +697,9 @@ def test_values_of_parts_read_as_one_are_read_when_they_are_asked_for(robot, tmp
     assert len(read) == len(found)
 
 
-def test_rings_of_which_one_is_read_further_meet_where_a_part_ends(robot, tmp_path, truth) -> None:
+def test_rings_of_which_one_is_read_further_meet_where_a_part_ends(direct, robot, tmp_path, truth) -> None:
     """Stamps of ticks of which a part has slow samples alone lie between its others: the next one has those logged."""
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
-    robot.ticks(50)
-    direct.step()
+    direct.ticks(50)
     robot.ticks(50)
     drained = direct.drain.read(1 << 20)
     slow = [rows for rows in drained.rows if rows.ring.divider == 5]
@@ -868,10 +795,8 @@ def test_the_part_that_is_being_written_is_one_of_the_recording_and_another_run_
     recorded(robot, tmp_path, truth)
     robot.start()
     direct = truth.direct(robot, order(tmp_path, split_bytes=12_000))
-    robot.ticks(130)
-    direct.step()
-    robot.ticks(30)
-    direct.step()
+    direct.ticks(130)
+    direct.ticks(30)
     with pytest.warns(silo.LogWarning, match=r"ticks 130 to 159: the file is not finished"):
         log = silo.open_log(parts(tmp_path)[-1], alone=False)
     assert len(log["x"]) == 160
@@ -916,16 +841,14 @@ def test_a_recording_whose_files_somebody_deletes_goes_on_in_another_part(robot,
     robot.start()
     folder = tmp_path / "rec"
     direct = truth.direct(robot, order(tmp_path))
-    robot.ticks(300)
-    direct.step()
+    direct.ticks(300)
     if deleted == "folder":
         shutil.rmtree(folder)
     else:
         for path in [*folder.iterdir()]:
             if deleted == "parts" or path.name.endswith(".part"):
                 path.unlink()
-    robot.ticks(200)
-    direct.step()
+    direct.ticks(200)
     with pytest.raises(SaveError, match="another recorder writes"):
         truth.direct(robot, order(tmp_path))
     totals = direct.finish()
@@ -941,16 +864,12 @@ def test_a_recording_whose_files_somebody_deletes_goes_on_in_another_part(robot,
     assert f"{totals.lost} lost" in read_written(folder, direct.ledger.name).sums().text
 
 
-def test_a_recording_ends_where_another_one_took_its_name_in_the_folder_made_anew(robot, tmp_path, truth) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
-    robot.ticks(300)
-    direct.step()
+def test_a_recording_ends_where_another_one_took_its_name_in_the_folder_made_anew(direct, tmp_path) -> None:
+    direct.ticks(300)
     shutil.rmtree(tmp_path / "rec")
     (tmp_path / "rec").mkdir()
     other = Ledger(tmp_path / "rec", "bot", 0.0, os.getpid())
-    robot.ticks(200)
-    direct.step()
+    direct.ticks(200)
     totals = direct.finish()
     other.close()
     assert totals.state is RecorderState.FAILED
@@ -958,15 +877,11 @@ def test_a_recording_ends_where_another_one_took_its_name_in_the_folder_made_ane
     assert parts(tmp_path) == []
 
 
-def test_a_recording_whose_disk_is_gone_does_not_go_on_on_the_one_beneath(robot, tmp_path, truth) -> None:
-    robot.start()
-    direct = truth.direct(robot, order(tmp_path))
-    robot.ticks(300)
-    direct.step()
+def test_a_recording_whose_disk_is_gone_does_not_go_on_on_the_one_beneath(direct, tmp_path) -> None:
+    direct.ticks(300)
     shutil.rmtree(tmp_path / "rec")
     direct.writing._device = -1
-    robot.ticks(200)
-    direct.step()
+    direct.ticks(200)
     totals = direct.finish()
     assert totals.state is RecorderState.FAILED
     assert "was on another disk, which is not there any more: mount it, and record again" in totals.text

@@ -52,8 +52,7 @@ class Kept:
     def recorded(self, ticks: int, *, stopped: bool = True) -> None:
         """Record so many ticks, all of them."""
         direct = self.begin()
-        self.robot.ticks(ticks)
-        direct.step()
+        direct.ticks(ticks)
         direct.finish()
         self.robot.log.close()
         if stopped:
@@ -101,38 +100,38 @@ def test_ticks_that_were_collected_after_the_last_part_are_missing(kept, capsys)
     assert "40 ticks (300-339) of run" in problem["text"]
 
 
-def test_what_somebody_told_to_be_lost_is_told_apart(kept):
-    kept.recorded(300, stopped=False)
-    kept.happens("recording", "recording 'bot': its recorder died; 40 ticks are lost", 339)
-    kept.happens("stopped", "stopped", 339)
-    assert kept.found() == [[], [("missing", ((300, 339),))]]
+LAST_40, DISAGREES = ("missing", ((300, 339),)), ("disagrees", ())
+WHOLE = "the logger was closed, or its program ended"
+FULL = "the disk is nearly full; the end of 1 run is in no file; 1 file, 960 samples, 0 lost, and the end of a run"
 
 
-@pytest.mark.parametrize("words", ["goes on; 0 lost", "ended: the logger was closed, or its program ended"])
-def test_what_is_no_word_of_a_loss_tells_of_none(kept, words):
-    kept.recorded(300, stopped=False)
-    kept.happens("recording", f"recording 'bot' {words}", 339)
-    kept.happens("stopped", "stopped", 339)
-    assert kept.found()[0] == [("missing", ((300, 339),))]
-
-
-def test_a_recording_that_somebody_ended_before_the_run_lacks_nothing(kept):
-    kept.recorded(300, stopped=False)
-    kept.happens("recording", "recording 'bot' ended: 1 file, 1 800 samples, 0 lost", 299)
-    kept.happens("stopped", "stopped", 999)
-    assert [kind for kind, _ in kept.found()[0]] != ["missing"]
+@pytest.mark.parametrize(
+    ("kind", "words", "at", "last", "problems", "told"),
+    [
+        ("recording", ": its recorder died; 40 ticks are lost", 339, 339, [], [LAST_40]),
+        ("recording failed", f" ended: {FULL}", 339, 339, [], [LAST_40]),
+        ("recording", " goes on; 0 lost", 339, 339, [LAST_40], []),  # that is no word of a loss
+        ("recording", f" ended: {WHOLE}", 339, 339, [LAST_40], []),
+        ("recording", f" ended: {WHOLE}; 1 file, 960 samples, 0 lost", 339, 339, [LAST_40, DISAGREES], []),
+        ("recording", " ended; 1 file, 5 samples, 0 lost", 299, 299, [DISAGREES], []),
+        ("recording", " ended: 1 file, 960 samples, 0 lost", 299, 999, [], []),  # somebody ended it before the run
+    ],
+)  # fmt: skip
+def test_what_is_told_of_a_recording_is_held_against_its_parts(kept, kind, words, at, last, problems, told):
+    kept.recorded(300, stopped=False)  # 960 samples: x, q and word, and each fifth tick slow
+    kept.happens(kind, f"recording 'bot'{words}", at)
+    kept.happens("stopped", "stopped", last)
+    assert kept.found() == [problems, told]
 
 
 def test_a_hole_between_two_parts_is_missing(kept, tmp_path, truth):
     robot = kept.robot = truth.robot(tmp_path / "small", size=50)
     direct = kept.begin()
-    robot.ticks(40)
-    direct.step()
+    direct.ticks(40)
     direct.finish()
     robot.ticks(500)
     direct = kept.recorder()
-    robot.ticks(10)
-    direct.step()
+    direct.ticks(10)
     direct.finish()
     robot.log.close()
     kept.happens("stopped", "stopped", 549)
@@ -153,8 +152,7 @@ def test_a_run_that_began_after_its_recording_was_ordered_is_to_be_there_from_it
     kept.happens("started", "started", 0)
     kept.robot.ticks(40)
     direct = kept.recorder()
-    kept.robot.ticks(60)
-    direct.step()
+    direct.ticks(60)
     direct.finish()
     kept.robot.log.close()
     kept.happens("stopped", "stopped", 99)
@@ -206,8 +204,7 @@ def test_a_last_run_in_which_somebody_ended_its_recording_or_that_is_recorded_el
 def test_ticks_while_a_recording_was_stopped_are_no_loss_and_told_as_not_recorded(kept, capsys):
     direct = kept.begin()
     kept.happens("recording", f"recording 'bot' of * to {kept.folder}/rec", -1)
-    kept.robot.ticks(40)
-    direct.step()
+    direct.ticks(40)
     direct.finish()
     kept.happens("recording", "recording 'bot' ended: stopped by ann; 1 file, 129 samples, 0 lost", 42)
     kept.robot.ticks(103)
@@ -230,8 +227,7 @@ def test_what_is_lost_at_the_end_of_a_recording_that_was_stopped_once_and_begun_
     kept.happens("recording", f"recording 'bot' of * to {kept.folder}/rec", -1)
     kept.happens("recording", "recording 'bot' ended: stopped by ann; 0 files, 0 samples, 0 lost", 0)
     kept.happens("recording", f"recording 'bot' of * to {kept.folder}/rec", 0)
-    kept.robot.ticks(40)
-    direct.step()
+    direct.ticks(40)
     direct.finish()
     kept.robot.log.close()
     kept.happens("stopped", "stopped", 49)
@@ -282,14 +278,6 @@ def test_a_run_that_ended_before_its_first_tick_lacks_none(kept):
     assert counted(kept.folder)[0] == [(0, 0, 0, 0, 0)]
 
 
-def test_what_comes_after_a_recording_failed_is_missing_and_told_by_that(kept):
-    kept.recorded(300, stopped=False)
-    text = "the disk is nearly full; the end of 1 run is in no file; 1 file, 960 samples, 0 lost, and the end of a run"
-    kept.happens("recording failed", f"recording 'bot' ended: {text}", 339)
-    kept.happens("stopped", "stopped", 339)
-    assert kept.found() == [[], [("missing", ((300, 339),))]]
-
-
 @pytest.mark.parametrize(("lost", "text"), [(0, ""), (7, "7 samples were told to be lost (event 3), and of 0 alone")])
 def test_samples_that_are_told_to_be_lost_at_the_end_are_held_against_where(kept, lost, text):
     kept.recorded(300)
@@ -320,15 +308,6 @@ def test_a_parameter_that_was_set_behind_the_last_tick_makes_none(kept):
     kept.happens("parameter", "x 0 -> 7", 40)  # holds from tick 40 on, which never came
     assert kept.found() == [[], []]
     assert counted(kept.folder)[0] == [(40, 40, 0, 0, 0)]
-
-
-def test_samples_that_are_missing_and_told_as_none_lost_disagree(kept):
-    kept.recorded(300, stopped=False)
-    samples = 300 * 3 + 60
-    text = f"the logger was closed, or its program ended; 1 file, {samples} samples, 0 lost"
-    kept.happens("recording", f"recording 'bot' ended: {text}", 339)
-    kept.happens("stopped", "stopped", 339)
-    assert [kind for kind, _ in kept.found()[0]] == ["missing", "disagrees"]
 
 
 def test_ticks_behind_a_save_that_a_start_dropped_were_not_overwritten(kept):
@@ -421,8 +400,7 @@ def test_ticks_that_a_recording_had_and_its_budget_deleted_are_told_as_such(kept
     kept.happens("started", "started", 0)
     direct = kept.truth.direct(kept.robot, order)
     for _ in range(20):
-        kept.robot.ticks(100)
-        direct.step()
+        direct.ticks(100)
     direct.finish()
     kept.robot.log.close()
     kept.happens("stopped", "stopped", 1999)
@@ -627,33 +605,20 @@ def test_ticks_that_a_memory_may_have_which_can_not_be_seen_are_not_called_overw
     assert "can be seen" not in told.text
 
 
-def test_totals_that_are_not_those_of_the_parts_disagree(kept):
-    kept.recorded(300, stopped=False)
-    kept.happens("recording", "recording 'bot' ended; 1 file, 5 samples, 0 lost", 299)
-    kept.happens("stopped", "stopped", 299)
-    assert [kind for kind, _ in kept.found()[0]] == ["disagrees"]
-
-
-def test_a_line_of_the_event_log_that_stands_twice_is_told(kept):
+@pytest.mark.parametrize(
+    ("written", "problems", "told"),
+    [
+        (lambda first, second: [first, second, first], [("twice", ())], []),
+        (lambda first, second: [first, second, b"{}\n"], [], [("damaged", ())]),
+        (lambda _, second: [second.replace(b"2000000000000002299", b"1"), second], [("missing", ())], []),
+    ],
+    ids=["twice", "damaged", "without the start of the run"],
+)
+def test_what_is_wrong_with_the_lines_of_an_event_log_is_told(kept, written, problems, told):
     kept.recorded(300)
     path = event_log_path(kept.folder, "bot")
-    path.write_bytes(path.read_bytes() + path.read_bytes().splitlines(keepends=True)[0])
-    assert kept.found() == [[("twice", ())], []]
-
-
-def test_a_line_of_the_event_log_that_is_damaged_is_told_by_the_log_itself(kept):
-    kept.recorded(300)
-    with event_log_path(kept.folder, "bot").open("ab") as file:
-        file.write(b"{}\n")
-    assert kept.found() == [[], [("damaged", ())]]
-
-
-def test_a_recorded_run_of_whose_start_the_event_log_lacks_is_told(kept):
-    kept.recorded(300)
-    path = event_log_path(kept.folder, "bot")
-    lines = path.read_bytes().splitlines(keepends=True)
-    path.write_bytes(lines[1].replace(b"2000000000000002299", b"1") + lines[1])
-    assert [kind for kind, _ in kept.found()[0]] == ["missing"]
+    path.write_bytes(b"".join(written(*path.read_bytes().splitlines(keepends=True))))
+    assert kept.found() == [problems, told]
 
 
 def test_where_nothing_of_silo_is_that_is_said(tmp_path, capsys):
