@@ -60,8 +60,13 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
     """Runs tests that are coroutines."""
     if not inspect.iscoroutinefunction(pyfuncitem.obj):
         return None
-    wanted = pyfuncitem._fixtureinfo.argnames
-    asyncio.run(pyfuncitem.obj(**{name: pyfuncitem.funcargs[name] for name in wanted}))
+    wanted = {name: pyfuncitem.funcargs[name] for name in pyfuncitem._fixtureinfo.argnames}
+
+    async def carry_out() -> None:
+        async with wanted["screen"] if "screen" in wanted else nullcontext() as opened:
+            await pyfuncitem.obj(**wanted | ({"screen": opened} if opened else {}))
+
+    asyncio.run(carry_out())
     return True
 
 
@@ -629,6 +634,21 @@ def opened() -> Callable[..., Any]:
             yield screen
 
     return open_app
+
+
+@pytest.fixture
+def screen(request: pytest.FixtureRequest, fake: FakeClient, opened: Callable[..., Any]) -> Any:
+    """The app on the logger of a test, opened as the test begins.
+
+    Defaults of the test's own parameters are options of it; one called `ran_s` is since when the logger runs.
+    """
+    parameters = inspect.signature(request.function).parameters.values()
+    options = {each.name: each.default for each in parameters if each.default is not each.empty}
+    if "size" in request.fixturenames:
+        options["size"] = request.getfixturevalue("size")
+    if "ran_s" in options:
+        fake.run(options.pop("ran_s"))
+    return opened(fake, **options)
 
 
 @pytest.fixture

@@ -48,21 +48,19 @@ async def test_the_bar_of_the_table_never_lacks_what_edits_and_what_starts_or_st
 
 
 @pytest.mark.parametrize(("done", "wanted"), PLOTS, ids=lambda each: " ".join(each)[:40])
-async def test_the_bar_of_plots_never_lacks_what_zooms_finds_and_leads_on(done, wanted, fake, opened):
-    async with opened(fake.run(30), size=(80, 24)) as screen:
-        await screen.enter(TORQUE, "m")
-        await screen.curves()
-        for each in done:
-            await screen.do(each)
-        await screen.until(lambda: not lacks(screen, (*OF_PLOTS, *wanted)), str(wanted))
+async def test_the_bar_of_plots_never_lacks_what_zooms_finds_and_leads_on(done, wanted, screen, ran_s=30):
+    await screen.enter(TORQUE, "m")
+    await screen.curves()
+    for each in done:
+        await screen.do(each)
+    await screen.until(lambda: not lacks(screen, (*OF_PLOTS, *wanted)), str(wanted))
 
 
 @pytest.mark.parametrize("letter", KINDS.values(), ids=KINDS)
-async def test_nor_does_that_of_the_large_plot_whatever_it_shows(letter, fake, opened):
-    async with opened(fake.run(30), size=(80, 24)) as screen:
-        await screen.enter(TORQUE, "m")
-        await screen.curves()
-        await screen.press("p", letter)
-        find = "/ Find peak" if letter == "s" else "/ Find"
-        wanted = [*(each for each in OF_PLOTS if each != "/ Find"), find, "space Pause", "Esc Back"]
-        await screen.until(lambda: not lacks(screen, wanted), str(wanted))
+async def test_nor_does_that_of_the_large_plot_whatever_it_shows(letter, screen, ran_s=30):
+    await screen.enter(TORQUE, "m")
+    await screen.curves()
+    await screen.press("p", letter)
+    find = "/ Find peak" if letter == "s" else "/ Find"
+    wanted = [*(each for each in OF_PLOTS if each != "/ Find"), find, "space Pause", "Esc Back"]
+    await screen.until(lambda: not lacks(screen, wanted), str(wanted))

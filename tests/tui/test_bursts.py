@@ -18,33 +18,31 @@ def burst(screen, keys: str) -> None:
         screen.app.post_message(events.Key(key, character_of(key)))
 
 
-async def test_keys_typed_fast_go_where_a_choice_leads_and_leave_the_table_where_it_is(fake, opened):
-    async with opened(fake) as screen:
-        burst(screen, "e d 5 enter")
-        await screen.until(lambda: screen.value("/log/base/orientation", Field.DIVIDER) == "5")
-        for keys in (
-            "o v v", "o v j", "o n z", "e d d", "e d 6 enter", "b b b", "S S y y", "a a a", "w w escape escape"
-        ):  # fmt: skip
-            await screen.press("home")
-            burst(screen, keys)
-            await screen.carried_out()
-            while not isinstance(screen.app.screen, TableScreen):
-                assert len(screen.app.screen_stack) > 1, screen.app.screen_stack
-                await screen.press("escape")
-            await screen.press("escape", "escape", "j")
-            assert screen.session.rows.position > 0, keys
+async def test_keys_typed_fast_go_where_a_choice_leads_and_leave_the_table_where_it_is(screen):
+    burst(screen, "e d 5 enter")
+    await screen.until(lambda: screen.value("/log/base/orientation", Field.DIVIDER) == "5")
+    for keys in (
+        "o v v", "o v j", "o n z", "e d d", "e d 6 enter", "b b b", "S S y y", "a a a", "w w escape escape"
+    ):  # fmt: skip
+        await screen.press("home")
+        burst(screen, keys)
+        await screen.carried_out()
+        while not isinstance(screen.app.screen, TableScreen):
+            assert len(screen.app.screen_stack) > 1, screen.app.screen_stack
+            await screen.press("escape")
+        await screen.press("escape", "escape", "j")
+        assert screen.session.rows.position > 0, keys
 
 
-async def test_keys_typed_fast_into_the_find_menu_leave_the_plots_where_they_are(fake, opened):
-    async with opened(fake.run()) as screen:
-        for keys in ("f h h", "f r o z e n", "f asterisk h l", "f escape escape j"):
-            await screen.do("go_home", "monitor")
-            await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
-            burst(screen, keys)
-            await screen.carried_out()
-            assert any(isinstance(each, TableScreen) for each in screen.app.screen_stack), keys
-            while screen.app.screen.is_modal:
-                await screen.press("escape")
+async def test_keys_typed_fast_into_the_find_menu_leave_the_plots_where_they_are(screen, ran_s=12):
+    for keys in ("f h h", "f r o z e n", "f asterisk h l", "f escape escape j"):
+        await screen.do("go_home", "monitor")
+        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
+        burst(screen, keys)
+        await screen.carried_out()
+        assert any(isinstance(each, TableScreen) for each in screen.app.screen_stack), keys
+        while screen.app.screen.is_modal:
+            await screen.press("escape")
 
 
 async def test_plots_are_drawn_in_any_size_before_they_are_told_of_it(fake, opened, monkeypatch):

@@ -350,45 +350,42 @@ class TestScreens:
             await screen.press("escape")
             await screen.until(lambda: screen.app.screen.scope == "table")
 
-    async def test_a_trigger_is_made_tried_and_set(self, fake, opened):
-        async with opened(fake) as screen:
-            await screen.press("T")
-            await screen.shows("No triggers. N makes one")
-            await screen.press("N")
-            await screen.shows("the condition: signals")
-            await screen.press("tab")  # as one reads it
-            await screen.type("x > 3")
-            await screen.shows("name it")
-            await screen.press("shift+tab")
-            await screen.type("high")
-            await screen.shows("would have fired 3 ×")
-            await screen.press("enter")
-            await screen.until(lambda: fake.trigger_statuses)
-            await screen.shows("ARMED")
-            assert fake.trigger_statuses[0].options.when == "x > 3"
+    async def test_a_trigger_is_made_tried_and_set(self, fake, screen):
+        await screen.press("T")
+        await screen.shows("No triggers. N makes one")
+        await screen.press("N")
+        await screen.shows("the condition: signals")
+        await screen.press("tab")  # as one reads it
+        await screen.type("x > 3")
+        await screen.shows("name it")
+        await screen.press("shift+tab")
+        await screen.type("high")
+        await screen.shows("would have fired 3 ×")
+        await screen.press("enter")
+        await screen.until(lambda: fake.trigger_statuses)
+        await screen.shows("ARMED")
+        assert fake.trigger_statuses[0].options.when == "x > 3"
 
     @pytest.mark.parametrize("when", ["", "x > 3"])
-    async def test_a_name_that_no_file_can_have_is_told_before_enter(self, when, fake, opened):
-        async with opened(fake) as screen:
-            await screen.press("T", "N")
-            await screen.shows("the condition: signals")
-            form = screen.app.screen
-            form.field("when").value = when
-            form.field("name").value = "legs/high"
-            await screen.shows("names of files: 'legs/high' can't be")
-            await screen.press("tab")
-            form.field("name").value = "high"
-            await screen.shows("would have fired 3 ×" if when else "the condition: signals")
+    async def test_a_name_that_no_file_can_have_is_told_before_enter(self, when, screen):
+        await screen.press("T", "N")
+        await screen.shows("the condition: signals")
+        form = screen.app.screen
+        form.field("when").value = when
+        form.field("name").value = "legs/high"
+        await screen.shows("names of files: 'legs/high' can't be")
+        await screen.press("tab")
+        form.field("name").value = "high"
+        await screen.shows("would have fired 3 ×" if when else "the condition: signals")
 
-    async def test_what_buffers_are_too_short_for_is_told_before_enter(self, fake, opened):
-        async with opened(fake, size=(160, 50)) as screen:
-            await screen.press("T", "N")
-            await screen.shows("the condition: signals")
-            screen.app.screen.field("when").value = "x > 3"
-            await screen.shows("would have fired 3 ×")
-            assert "refused" not in screen.text
-            screen.app.screen.field("pre").value = "3600 s"
-            await screen.shows("Enter is refused: too short for pre of 3600 s")
+    async def test_what_buffers_are_too_short_for_is_told_before_enter(self, screen, size=(160, 50)):
+        await screen.press("T", "N")
+        await screen.shows("the condition: signals")
+        screen.app.screen.field("when").value = "x > 3"
+        await screen.shows("would have fired 3 ×")
+        assert "refused" not in screen.text
+        screen.app.screen.field("pre").value = "3600 s"
+        await screen.shows("Enter is refused: too short for pre of 3600 s")
 
     async def test_a_new_trigger_begins_with_a_pre_that_the_buffers_hold_and_says_so(self, fake, opened):
         short = fake.elements[0]
@@ -432,31 +429,30 @@ class TestScreens:
             await screen.until(lambda: screen.app.screen.chosen_key == fake.trigger_statuses[-1].options.name)
 
     async def test_in_live_plots_too_a_trigger_begins_at_the_level_under_the_cursor_or_at_that_which_was_looked_for(
-        self, fake, opened
+        self, screen, ran_s=20
     ):
-        async with opened(fake.run(20)) as screen:
-            await screen.enter(":goto LF/HAA/torque")
-            await screen.do("monitor")
-            await screen.shows("live")
-            await screen.do(*["cursor_left"] * 4, "plot_trigger")
-            await screen.shows("New trigger")
-            await screen.shows("PAUSED")  # as what is found: the cursor's moment would move on
-            line = next(line for line in screen.text.splitlines() if "when" in line)
-            level = float(re.search(r"torque > (\S+)", line)[1])
-            plots = screen.app.context.upper_screen
-            shown = (await plots.readings_here())["/log/legs/LF/HAA/torque"].newest[0]
-            assert level == pytest.approx(shown, rel=1e-4)
-            await screen.press("escape")
-            await screen.do("pause")
-            await screen.shows("live")
-            await screen.press("f", "x", *"<2", "enter")
-            await screen.shows("crossing of 2 falling")
-            await screen.do("plot_trigger")
-            await screen.shows("legs/LF/HAA/torque < 2 ")
-            await screen.press("escape")
-            await screen.do("cursor_left", "cursor_left", "plot_trigger")  # elsewhere it is that of the cursor
-            await screen.shows("New trigger")
-            assert "torque < 2 " not in screen.text
+        await screen.enter(":goto LF/HAA/torque")
+        await screen.do("monitor")
+        await screen.shows("live")
+        await screen.do(*["cursor_left"] * 4, "plot_trigger")
+        await screen.shows("New trigger")
+        await screen.shows("PAUSED")  # as what is found: the cursor's moment would move on
+        line = next(line for line in screen.text.splitlines() if "when" in line)
+        level = float(re.search(r"torque > (\S+)", line)[1])
+        plots = screen.app.context.upper_screen
+        shown = (await plots.readings_here())["/log/legs/LF/HAA/torque"].newest[0]
+        assert level == pytest.approx(shown, rel=1e-4)
+        await screen.press("escape")
+        await screen.do("pause")
+        await screen.shows("live")
+        await screen.press("f", "x", *"<2", "enter")
+        await screen.shows("crossing of 2 falling")
+        await screen.do("plot_trigger")
+        await screen.shows("legs/LF/HAA/torque < 2 ")
+        await screen.press("escape")
+        await screen.do("cursor_left", "cursor_left", "plot_trigger")  # elsewhere it is that of the cursor
+        await screen.shows("New trigger")
+        assert "torque < 2 " not in screen.text
 
     async def test_they_are_asked_for_again_where_no_answer_came(self, fake, opened, monkeypatch):
         fake.limit_statuses = [HOT]
@@ -494,24 +490,21 @@ class TestScreens:
             await screen.press("T")
             await screen.shows("No triggers")
 
-    async def test_a_form_tells_what_the_field_means_that_has_the_keys_and_what_limits_without_a_bound_do(
-        self, fake, opened
-    ):
-        async with opened(fake) as screen:
-            await screen.press("A", "N")
-            await screen.shows("signal: a name as the table shows it")
-            await screen.press("tab")
-            await screen.shows("LL: red below this")
-            await screen.press("up")
-            await screen.shows("signal: a name as the table shows it")
-            await screen.press("down")
-            await screen.shows("LL: red below this")
-            await screen.press("escape", "N")
-            await screen.shows("Limits of a signal")
-            await screen.type("legs/LF/HAA/torque")
-            await screen.press(*["tab"] * 7)
-            await screen.type("1s")
-            await screen.shows("no bound: it is an alarm where it stays the same for so long")
+    async def test_a_form_tells_what_the_field_means_that_has_the_keys_and_what_limits_without_a_bound_do(self, screen):
+        await screen.press("A", "N")
+        await screen.shows("signal: a name as the table shows it")
+        await screen.press("tab")
+        await screen.shows("LL: red below this")
+        await screen.press("up")
+        await screen.shows("signal: a name as the table shows it")
+        await screen.press("down")
+        await screen.shows("LL: red below this")
+        await screen.press("escape", "N")
+        await screen.shows("Limits of a signal")
+        await screen.type("legs/LF/HAA/torque")
+        await screen.press(*["tab"] * 7)
+        await screen.type("1s")
+        await screen.shows("no bound: it is an alarm where it stays the same for so long")
 
     async def test_more_marked_alarms_than_plots_are_told(self, fake, opened):
         names = [info.name + info.entries[0].suffix for info in fake.elements[:9]]
@@ -673,17 +666,16 @@ class TestScreens:
             await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
         assert fake.calls[-1][1] == given.options
 
-    async def test_without_a_link_a_dialog_says_that_and_nothing_of_what_is_typed(self, fake, opened, monkeypatch):
-        async with opened(fake) as screen:
-            for key, typed in (("A", {"signal": "LF/HAA/torque", "H": "50"}), ("T", {"name": "a", "when": "x > 1"})):
-                await screen.press(key, "N")
-                await screen.until(lambda: screen.app.screen.query("#form-told"))
-                with monkeypatch.context() as patch:
-                    patch.setattr(screen.session, "link", None)
-                    for name, words in typed.items():
-                        screen.app.screen.field(name).value = words
-                    await screen.shows(f"not connected to {screen.session.name} yet")
-                await screen.press("escape")
+    async def test_without_a_link_a_dialog_says_that_and_nothing_of_what_is_typed(self, screen, monkeypatch):
+        for key, typed in (("A", {"signal": "LF/HAA/torque", "H": "50"}), ("T", {"name": "a", "when": "x > 1"})):
+            await screen.press(key, "N")
+            await screen.until(lambda: screen.app.screen.query("#form-told"))
+            with monkeypatch.context() as patch:
+                patch.setattr(screen.session, "link", None)
+                for name, words in typed.items():
+                    screen.app.screen.field(name).value = words
+                await screen.shows(f"not connected to {screen.session.name} yet")
+            await screen.press("escape")
 
     async def test_a_history_that_is_refused_leaves_how_often_limits_would_have_been_violated(
         self, fake, opened, monkeypatch
@@ -775,33 +767,33 @@ class TestScreens:
         [("Nl", "LL", "Limits of"), ("Nd", "is", "Derive a signal"), ("w", "name", "Save data"),
          ("Nt", "when", "New trigger")],
     )  # fmt: skip
-    async def test_what_was_typed_into_a_form_and_left_stands_there_once_more(self, fake, opened, keys, line, title):
-        async with opened(fake.run()) as screen:
-            begun = []
-            for _ in range(3):
-                await screen.press(*keys)
-                await screen.shows(title)
-                await screen.until(lambda: screen.app.screen.query(f"#form-{line}"))
-                begun.append(screen.app.screen.field(line).value)
-                assert ("as it was left" in screen.text) is (begun[-1] == "12.5")
-                screen.app.screen.field(line).value = begun[-1] if begun[-1] == "12.5" else "12.5"
-                await screen.press("escape")
-                await screen.until(lambda: not screen.app.screen.is_modal)
-            assert (begun[1], begun[2] == begun[0]) == ("12.5", True)
+    async def test_what_was_typed_into_a_form_and_left_stands_there_once_more(
+        self, screen, keys, line, title, ran_s=12
+    ):
+        begun = []
+        for _ in range(3):
+            await screen.press(*keys)
+            await screen.shows(title)
+            await screen.until(lambda: screen.app.screen.query(f"#form-{line}"))
+            begun.append(screen.app.screen.field(line).value)
+            assert ("as it was left" in screen.text) is (begun[-1] == "12.5")
+            screen.app.screen.field(line).value = begun[-1] if begun[-1] == "12.5" else "12.5"
+            await screen.press("escape")
+            await screen.until(lambda: not screen.app.screen.is_modal)
+        assert (begun[1], begun[2] == begun[0]) == ("12.5", True)
 
     @pytest.mark.parametrize(("keys", "line"), [("Nl", "LL"), ("Nd", "is"), ("w", "name"), ("Nt", "name")])
-    async def test_what_one_types_takes_the_place_of_what_was_left(self, fake, opened, keys, line):
-        async with opened(fake.run()) as screen:
-            for typed in ("40", "7"):
-                await screen.press(*keys)
-                await screen.until(lambda: screen.app.screen.query(f"#form-{line}"))
-                screen.app.screen.field(line).focus()
-                await screen.press(*typed)
-                await screen.until(lambda: screen.app.screen.field(line).value, "what is typed")
-                value = screen.app.screen.field(line).value
-                await screen.press("escape")
-                await screen.until(lambda: not screen.app.screen.is_modal)
-            assert value == "7"
+    async def test_what_one_types_takes_the_place_of_what_was_left(self, screen, keys, line, ran_s=12):
+        for typed in ("40", "7"):
+            await screen.press(*keys)
+            await screen.until(lambda: screen.app.screen.query(f"#form-{line}"))
+            screen.app.screen.field(line).focus()
+            await screen.press(*typed)
+            await screen.until(lambda: screen.app.screen.field(line).value, "what is typed")
+            value = screen.app.screen.field(line).value
+            await screen.press("escape")
+            await screen.until(lambda: not screen.app.screen.is_modal)
+        assert value == "7"
 
     async def test_what_was_left_comes_back_neither_over_what_others_set_meanwhile_nor_on_another_logger(
         self, new_fake, opened
@@ -868,15 +860,14 @@ class TestScreens:
             await screen.until(lambda: screen.session._beyond() == {fake.elements[0].name: "HH"})
             await screen.shows("1 alarm (HH)")
 
-    async def test_a_plot_makes_a_trigger_at_its_level(self, fake, opened):
-        async with opened(fake.run(20)) as screen:
-            await screen.press("m")
-            await screen.until(lambda: screen.app.screen.scope == "monitor")
-            await screen.press("N")
-            await screen.shows("New trigger on robot")
-            await screen.press("enter")
-            await screen.until(lambda: fake.trigger_statuses)
-            assert " > " in fake.trigger_statuses[0].options.when
+    async def test_a_plot_makes_a_trigger_at_its_level(self, fake, screen, ran_s=20):
+        await screen.press("m")
+        await screen.until(lambda: screen.app.screen.scope == "monitor")
+        await screen.press("N")
+        await screen.shows("New trigger on robot")
+        await screen.press("enter")
+        await screen.until(lambda: fake.trigger_statuses)
+        assert " > " in fake.trigger_statuses[0].options.when
 
 
 OFF = TriggerStatus(TriggerOptions("spin", "norm(imu/rate) > 3"), TriggerWord.OFF)
@@ -966,16 +957,15 @@ class TestLists:
             await screen.until(lambda: screen.app.screen.scope == "monitor")
             assert {plot.element.name for plot in screen.app.screen.stack.plots} == {fake.elements[0].name}
 
-    async def test_from_one_screen_beside_the_table_to_another_and_back_by_one_esc(self, fake, opened):
-        async with opened(fake) as screen:
-            for key, scope in (("T", "triggers"), ("E", "events"), ("F", "recordings"), ("A", "alarms")):
-                await screen.press(key)
-                await screen.until(lambda scope=scope: screen.app.screen.scope == scope)
-            await screen.press(":")
-            await screen.enter("triggers")
-            await screen.until(lambda: screen.app.screen.scope == "triggers")
-            await screen.press("escape")
-            await screen.until(lambda: screen.app.screen.scope == "table")
+    async def test_from_one_screen_beside_the_table_to_another_and_back_by_one_esc(self, screen):
+        for key, scope in (("T", "triggers"), ("E", "events"), ("F", "recordings"), ("A", "alarms")):
+            await screen.press(key)
+            await screen.until(lambda scope=scope: screen.app.screen.scope == scope)
+        await screen.press(":")
+        await screen.enter("triggers")
+        await screen.until(lambda: screen.app.screen.scope == "triggers")
+        await screen.press("escape")
+        await screen.until(lambda: screen.app.screen.scope == "table")
 
     async def test_a_row_of_the_table_makes_a_trigger_or_limits(self, fake, opened):
         fake.run(20)
@@ -1081,18 +1071,17 @@ async def test_a_capture_without_end_says_how_long_it_is_and_what_ends_it(fake, 
         await screen.shows("the file is written 1 s after the last fire, or after 60 s")
 
 
-async def test_a_condition_is_tried_before_the_trigger_has_a_name(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("T", "N")
-        await screen.shows("the condition: signals")
-        await screen.press("tab")
-        await screen.type("nobody > 3")
-        await screen.shows("no signal is named 'nobody'")
-        assert screen.app.screen.query_one("#form-told").has_class("quiet")  # one types still
-        await screen.press("backspace", "enter")
-        await screen.shows("'name' is empty: it stands in names of files")
-        assert screen.app.screen.query_one("#form-told").has_class("failed")
-        assert fake.trigger_statuses == []
+async def test_a_condition_is_tried_before_the_trigger_has_a_name(fake, screen):
+    await screen.press("T", "N")
+    await screen.shows("the condition: signals")
+    await screen.press("tab")
+    await screen.type("nobody > 3")
+    await screen.shows("no signal is named 'nobody'")
+    assert screen.app.screen.query_one("#form-told").has_class("quiet")  # one types still
+    await screen.press("backspace", "enter")
+    await screen.shows("'name' is empty: it stands in names of files")
+    assert screen.app.screen.query_one("#form-told").has_class("failed")
+    assert fake.trigger_statuses == []
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])

@@ -148,88 +148,87 @@ def test_a_unit_that_follows_is_not_typed_again(table):
     assert derived.named(table, "new") == Derived("new", "")
 
 
-async def test_what_was_wrong_goes_as_soon_as_something_else_is_typed(fake, opened, monkeypatch):
+async def test_what_was_wrong_goes_as_soon_as_something_else_is_typed(screen, monkeypatch, ran_s=12):
     """However long it takes until that is looked at; and what was looked at meanwhile says nothing of it."""
-    async with opened(fake.run()) as screen:
-        await screen.enter(":derive p")
-        await screen.shows("Derive a signal on robot")
-        await screen.type("n")
-        await screen.shows("no signal is named 'n'")
-        form = screen.app.screen
-        monkeypatch.setattr(form, "look_soon", lambda: None)
-        await screen.type("orm(base/position)")
-        await screen.until(lambda: "no signal is named" not in screen.text)
-        looked, look = asyncio.Event(), form.look
+    await screen.enter(":derive p")
+    await screen.shows("Derive a signal on robot")
+    await screen.type("n")
+    await screen.shows("no signal is named 'n'")
+    form = screen.app.screen
+    monkeypatch.setattr(form, "look_soon", lambda: None)
+    await screen.type("orm(base/position)")
+    await screen.until(lambda: "no signal is named" not in screen.text)
+    looked, look = asyncio.Event(), form.look
 
-        async def slowly():
-            words = await look()
-            await looked.wait()
-            return words
+    async def slowly():
+        words = await look()
+        await looked.wait()
+        return words
 
-        monkeypatch.setattr(form, "look", slowly)
-        looking = asyncio.create_task(form._look_now())
-        await screen.type(" + 1")
-        looked.set()
-        await looking
-        await screen.settled()
-        assert "in m, every tick" not in screen.text
-
-
-async def test_a_signal_is_derived_changed_and_forgotten_without_leaving_the_table(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.press("colon", *"derive", "enter")
-        await screen.shows("Derive a signal on robot")
-        await screen.press("enter")
-        await screen.shows("'name' is empty: it stands in tables")
-        await screen.app.screen._look_now()  # the first look: late, where Enter came while the form was made
-        await screen.settled()
-        assert "'name' is empty: it stands in tables" in screen.text
-        await screen.type("power")
-        await screen.press("tab", "backspace", "enter")  # without the signal under the cursor
-        await screen.shows("'is' is empty: signals, numbers")
-        await screen.type("2 * imu/acelaration")
-        await screen.shows("^" * len("imu/acelaration"))  # of all that was typed
-        await screen.shows("did you mean 'imu/acceleration")
-        lines = screen.text.splitlines()
-        at = next(place for place, line in enumerate(lines) if "imu/acelaration" in line)
-        carets = next(line for line in lines[at:] if "^" in line)
-        assert carets.index("^") == lines[at].index("imu/acelaration")
-        await screen.press("enter")
-        assert screen.app.screen.is_modal
-        await screen.press(*["backspace"] * len("acelaration"))
-        await screen.type("acceleration")
-        await screen.shows("3 numbers, in m/s2, every tick")
-        await screen.press("enter")
-        await screen.shows("'/power' is derived: 2 * imu/acceleration")
-        assert fake.calls[-1] == ("derive", "power", "2 * imu/acceleration", "")
-        await screen.press("e")  # the cursor is on it
-        await screen.shows("Derived signal power on robot")
-        await screen.press("home", "delete", "3", "enter")
-        await screen.until(lambda: fake.derived == (Derived("/log/power", "3 * imu/acceleration"),))
-        await screen.shows("is derived: 3 *")
-        await screen.press("x")
-        await screen.shows("Delete /power of robot?")
-        await screen.press("y")
-        await screen.until(lambda: not fake.derived and len(screen.session.table) == len(fake.elements))
+    monkeypatch.setattr(form, "look", slowly)
+    looking = asyncio.create_task(form._look_now())
+    await screen.type(" + 1")
+    looked.set()
+    await looking
+    await screen.settled()
+    assert "in m, every tick" not in screen.text
 
 
-async def test_tab_makes_a_name_whole_and_then_goes_on_and_of_two_that_are_marked_the_product_is_offered(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.press("colon", *"derive", "enter")
-        await screen.shows("Derive a signal on robot")
-        await screen.press(*"hot", "tab", *"2 * imu/te")
-        await screen.shows("2 * imu/te[mperature] Tab")  # what it may become
-        form = screen.app.screen
-        assert form.fields["is"] == "2 * imu/te"
-        await screen.press("tab")
-        assert form.fields["is"] == "2 * imu/temperature"
-        await screen.press("tab", "K")
-        assert form.fields == {"name": "hot", "is": "2 * imu/temperature", "unit": "K"}
-        await screen.press("escape")
-        await screen.enter("/LF/HAA position|torque")
-        await screen.do("mark", "mark")
-        await screen.enter(":derive")
-        await screen.shows("legs/LF/HAA/position * legs/LF/HAA/torque")
+async def test_a_signal_is_derived_changed_and_forgotten_without_leaving_the_table(fake, screen, ran_s=12):
+    await screen.press("colon", *"derive", "enter")
+    await screen.shows("Derive a signal on robot")
+    await screen.press("enter")
+    await screen.shows("'name' is empty: it stands in tables")
+    await screen.app.screen._look_now()  # the first look: late, where Enter came while the form was made
+    await screen.settled()
+    assert "'name' is empty: it stands in tables" in screen.text
+    await screen.type("power")
+    await screen.press("tab", "backspace", "enter")  # without the signal under the cursor
+    await screen.shows("'is' is empty: signals, numbers")
+    await screen.type("2 * imu/acelaration")
+    await screen.shows("^" * len("imu/acelaration"))  # of all that was typed
+    await screen.shows("did you mean 'imu/acceleration")
+    lines = screen.text.splitlines()
+    at = next(place for place, line in enumerate(lines) if "imu/acelaration" in line)
+    carets = next(line for line in lines[at:] if "^" in line)
+    assert carets.index("^") == lines[at].index("imu/acelaration")
+    await screen.press("enter")
+    assert screen.app.screen.is_modal
+    await screen.press(*["backspace"] * len("acelaration"))
+    await screen.type("acceleration")
+    await screen.shows("3 numbers, in m/s2, every tick")
+    await screen.press("enter")
+    await screen.shows("'/power' is derived: 2 * imu/acceleration")
+    assert fake.calls[-1] == ("derive", "power", "2 * imu/acceleration", "")
+    await screen.press("e")  # the cursor is on it
+    await screen.shows("Derived signal power on robot")
+    await screen.press("home", "delete", "3", "enter")
+    await screen.until(lambda: fake.derived == (Derived("/log/power", "3 * imu/acceleration"),))
+    await screen.shows("is derived: 3 *")
+    await screen.press("x")
+    await screen.shows("Delete /power of robot?")
+    await screen.press("y")
+    await screen.until(lambda: not fake.derived and len(screen.session.table) == len(fake.elements))
+
+
+async def test_tab_makes_a_name_whole_and_then_goes_on_and_of_two_that_are_marked_the_product_is_offered(
+    screen, ran_s=12
+):
+    await screen.press("colon", *"derive", "enter")
+    await screen.shows("Derive a signal on robot")
+    await screen.press(*"hot", "tab", *"2 * imu/te")
+    await screen.shows("2 * imu/te[mperature] Tab")  # what it may become
+    form = screen.app.screen
+    assert form.fields["is"] == "2 * imu/te"
+    await screen.press("tab")
+    assert form.fields["is"] == "2 * imu/temperature"
+    await screen.press("tab", "K")
+    assert form.fields == {"name": "hot", "is": "2 * imu/temperature", "unit": "K"}
+    await screen.press("escape")
+    await screen.enter("/LF/HAA position|torque")
+    await screen.do("mark", "mark")
+    await screen.enter(":derive")
+    await screen.shows("legs/LF/HAA/position * legs/LF/HAA/torque")
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
@@ -254,34 +253,32 @@ async def test_a_signal_is_derived_from_the_one_under_the_cursor(size, fake, ope
         await screen.until(lambda: "base/position_x" in offered(screen), "the entry")
 
 
-async def test_what_the_robot_refuses_is_said_and_nothing_typed_is_lost(fake, opened):
-    async with opened(fake.run()) as screen:
-        fake.refuse_derived = "at most 100 signals are derived; nothing was changed"
-        await screen.press("colon", *"derive hot imu/temperature > 3", "enter")
-        await screen.shows("at most 100 signals")
-        await screen.app.screen._look_now()  # as the form does once it is there
-        await screen.settled()
-        assert "at most 100 signals" in screen.text
-        assert "imu/temperature > 3" in screen.text
-        fake.refuse_derived = ""
-        await screen.press("enter")
-        await screen.until(lambda: len(fake.derived) == 1)
+async def test_what_the_robot_refuses_is_said_and_nothing_typed_is_lost(fake, screen, ran_s=12):
+    fake.refuse_derived = "at most 100 signals are derived; nothing was changed"
+    await screen.press("colon", *"derive hot imu/temperature > 3", "enter")
+    await screen.shows("at most 100 signals")
+    await screen.app.screen._look_now()  # as the form does once it is there
+    await screen.settled()
+    assert "at most 100 signals" in screen.text
+    assert "imu/temperature > 3" in screen.text
+    fake.refuse_derived = ""
+    await screen.press("enter")
+    await screen.until(lambda: len(fake.derived) == 1)
 
 
-async def test_what_is_typed_as_a_whole_is_done_and_what_is_not_is_asked_for(fake, opened):
-    async with opened(fake.run(), size=(120, 24)) as screen:
-        await screen.press("colon", *"derive hot imu/temperature > 3", "enter")
-        await screen.shows("'/hot' is derived: imu/temperature > 3")
-        assert "hides" not in screen.text
-        assert not screen.app.screen.is_modal
-        await screen.enter("/legs")
-        await screen.press("colon", *"derive warm imu/temperature > 2", "enter")
-        await screen.shows("'/warm' is derived: imu/temperature > 2; the filter hides it")
-        await screen.press("/")
-        await screen.enter("warm")
-        await screen.until(lambda: "the filter hides it" not in screen.text, "no word of another filter")
-        await screen.press("colon", *"derive cold", "enter")
-        await screen.shows("Derive a signal on robot")
+async def test_what_is_typed_as_a_whole_is_done_and_what_is_not_is_asked_for(screen, ran_s=12, size=(120, 24)):
+    await screen.press("colon", *"derive hot imu/temperature > 3", "enter")
+    await screen.shows("'/hot' is derived: imu/temperature > 3")
+    assert "hides" not in screen.text
+    assert not screen.app.screen.is_modal
+    await screen.enter("/legs")
+    await screen.press("colon", *"derive warm imu/temperature > 2", "enter")
+    await screen.shows("'/warm' is derived: imu/temperature > 2; the filter hides it")
+    await screen.press("/")
+    await screen.enter("warm")
+    await screen.until(lambda: "the filter hides it" not in screen.text, "no word of another filter")
+    await screen.press("colon", *"derive cold", "enter")
+    await screen.shows("Derive a signal on robot")
 
 
 @pytest.mark.parametrize(

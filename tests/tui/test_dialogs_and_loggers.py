@@ -72,22 +72,20 @@ async def test_of_several_loggers_one_is_chosen(new_fake, opened):
         assert screen.session.name == "legs"
 
 
-async def test_a_name_that_nobody_has_is_told_beside_those_that_run(fake, opened):
-    async with opened(fake, name="arm", ready=False) as screen:
-        await screen.shows("There is no logger called 'arm'")
-        await screen.shows("pid 4711")
+async def test_a_name_that_nobody_has_is_told_beside_those_that_run(screen, name="arm", ready=False):
+    await screen.shows("There is no logger called 'arm'")
+    await screen.shows("pid 4711")
 
 
-async def test_edits_are_kept_when_the_robot_program_was_started_again(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("d", "5", "enter")
-        fake.cut()
-        await screen.shows("No link")
-        fake.pid, fake.revision = 5000, 1
-        fake.mend()
-        await screen.shows("started again")
-        assert screen.value(FIRST, Field.DIVIDER) == "5"
-        assert ":restore" not in screen.text
+async def test_edits_are_kept_when_the_robot_program_was_started_again(fake, screen):
+    await screen.press("d", "5", "enter")
+    fake.cut()
+    await screen.shows("No link")
+    fake.pid, fake.revision = 5000, 1
+    fake.mend()
+    await screen.shows("started again")
+    assert screen.value(FIRST, Field.DIVIDER) == "5"
+    assert ":restore" not in screen.text
 
 
 @pytest.mark.parametrize(
@@ -266,35 +264,34 @@ async def test_applying_tells_that_a_single_trigger_that_fired_watches_again(fak
 
 
 async def test_data_is_saved_in_the_types_that_are_chosen_and_that_takes_the_place_of_what_was_to_be_done_before(
-    fake, opened
+    fake, screen, ran_s=12, size=(100, 30)
 ):
-    async with opened(fake.run(), size=(100, 30)) as screen:
-        await screen.press("w")
-        await screen.shows("Save data")
-        await screen.shows("what was logged; W saves the configuration instead")
-        await screen.press("W")
-        await screen.shows("Save the configuration")
-        await screen.press("escape", "w", "down", "space")
-        await screen.shows("space s c b Tick  W Configuration")
-        focused = screen.app.screen.focused
-        screen.app.screen.field("name").focus()  # where letters are of it
-        await screen.until(lambda: "Tick  W" not in screen.text, "the keys that count there")
-        await screen.shows("Enter Saves")
-        focused.focus()
-        await screen.shows("space s c b Tick  W Configuration")
-        await screen.press("enter")
-        await screen.until(lambda: fake.calls)
-        assert fake.calls == [("save", [FileType.SILO, FileType.CSV], "")]
-        await screen.shows("/home/ann/logs/robot_00001.silo")
-        await screen.shows("1.23 MB")
-        await screen.shows("o Opens it")
-        await screen.press("escape", "S", "y")
-        await screen.shows("stopped; w saves the data")
-        await screen.press("w", "enter")
-        await screen.shows("Close")
-        await screen.press("enter")
-        await screen.shows("saved: ")
-        assert "w saves the data" not in screen.text
+    await screen.press("w")
+    await screen.shows("Save data")
+    await screen.shows("what was logged; W saves the configuration instead")
+    await screen.press("W")
+    await screen.shows("Save the configuration")
+    await screen.press("escape", "w", "down", "space")
+    await screen.shows("space s c b Tick  W Configuration")
+    focused = screen.app.screen.focused
+    screen.app.screen.field("name").focus()  # where letters are of it
+    await screen.until(lambda: "Tick  W" not in screen.text, "the keys that count there")
+    await screen.shows("Enter Saves")
+    focused.focus()
+    await screen.shows("space s c b Tick  W Configuration")
+    await screen.press("enter")
+    await screen.until(lambda: fake.calls)
+    assert fake.calls == [("save", [FileType.SILO, FileType.CSV], "")]
+    await screen.shows("/home/ann/logs/robot_00001.silo")
+    await screen.shows("1.23 MB")
+    await screen.shows("o Opens it")
+    await screen.press("escape", "S", "y")
+    await screen.shows("stopped; w saves the data")
+    await screen.press("w", "enter")
+    await screen.shows("Close")
+    await screen.press("enter")
+    await screen.shows("saved: ")
+    assert "w saves the data" not in screen.text
 
 
 async def test_o_opens_what_was_saved_once_it_is_and_nothing_before(fake, opened, monkeypatch):
@@ -316,16 +313,15 @@ async def test_o_opens_what_was_saved_once_it_is_and_nothing_before(fake, opened
         assert looked_into[0][0].endswith(".silo")
 
 
-async def test_a_save_says_that_it_is_of_all_elements_though_some_are_marked_and_what_a_part_is(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.do("mark", "mark", "save_data")
-        await screen.shows("all elements, not the 2 marked alone; W saves the configuration instead")
-        await screen.do("down", "down", "down")
-        await screen.type("walk_part4")
-        await screen.press("enter")
-        await screen.shows("walk_part4.silo")
-        await screen.shows("a part of a run: applying edits while it logs begins a new file;")
-        await screen.shows("any one of them opens all")
+async def test_a_save_says_that_it_is_of_all_elements_though_some_are_marked_and_what_a_part_is(screen, ran_s=12):
+    await screen.do("mark", "mark", "save_data")
+    await screen.shows("all elements, not the 2 marked alone; W saves the configuration instead")
+    await screen.do("down", "down", "down")
+    await screen.type("walk_part4")
+    await screen.press("enter")
+    await screen.shows("walk_part4.silo")
+    await screen.shows("a part of a run: applying edits while it logs begins a new file;")
+    await screen.shows("any one of them opens all")
 
 
 def after(job, done):
@@ -396,73 +392,69 @@ async def test_a_script_is_previewed_before_it_is_loaded_and_what_nobody_knows_o
         assert screen.session.table.pending.any(), "what the logger had before is wanted back"
 
 
-async def test_a_script_is_there_as_it_is_saved_and_another_overwritten_only_when_asked(fake, opened):
-    async with opened(fake, size=(100, 30)) as screen:
-        await screen.enter(":load abc")
-        await screen.shows("there is no script")
-        await screen.press("W")
-        await screen.shows("Save the configuration")
-        for _ in range(12):
-            await screen.press("backspace")
-        await screen.enter("abc")
-        await screen.until(lambda: "abc.yaml" in fake.files, "the script")
-        await screen.shows("abc.yaml: configurations end in .yaml")
-        await screen.enter(":load abc")
-        await screen.shows("abc.yaml says what the logger has already")
-        await screen.enter(":save robot.yaml")
-        await screen.shows("Overwrite robot.yaml?")
-        await screen.press("y")
-        await screen.until(lambda: ("save_script", "robot.yaml", True) in fake.calls)
+async def test_a_script_is_there_as_it_is_saved_and_another_overwritten_only_when_asked(fake, screen, size=(100, 30)):
+    await screen.enter(":load abc")
+    await screen.shows("there is no script")
+    await screen.press("W")
+    await screen.shows("Save the configuration")
+    for _ in range(12):
+        await screen.press("backspace")
+    await screen.enter("abc")
+    await screen.until(lambda: "abc.yaml" in fake.files, "the script")
+    await screen.shows("abc.yaml: configurations end in .yaml")
+    await screen.enter(":load abc")
+    await screen.shows("abc.yaml says what the logger has already")
+    await screen.enter(":save robot.yaml")
+    await screen.shows("Overwrite robot.yaml?")
+    await screen.press("y")
+    await screen.until(lambda: ("save_script", "robot.yaml", True) in fake.calls)
 
 
-async def test_the_set_command_edits_what_is_marked_and_an_unknown_one_offers_what_is_near(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("space", "space")
-        await screen.enter(":set div=4 size=10s buf=grow")
-        assert [screen.value(FIRST, field) for field in (Field.DIVIDER, Field.SIZE)] == ["4", "1000"]
-        assert screen.session.table.pending_count[1] == 2
-        await screen.enter(":set LF/HAA/torque */KFE/torque size=14")
-        await screen.shows("5 fields changed")
-        assert screen.value("/log/legs/LF/HAA/torque", Field.SIZE) == "14"
-        await screen.enter(":set imu/tmperature size=14")
-        await screen.shows("no element is called 'imu/tmperature'; did you mean")
-        await screen.enter(":lod")
-        await screen.shows("did you")
+async def test_the_set_command_edits_what_is_marked_and_an_unknown_one_offers_what_is_near(screen):
+    await screen.press("space", "space")
+    await screen.enter(":set div=4 size=10s buf=grow")
+    assert [screen.value(FIRST, field) for field in (Field.DIVIDER, Field.SIZE)] == ["4", "1000"]
+    assert screen.session.table.pending_count[1] == 2
+    await screen.enter(":set LF/HAA/torque */KFE/torque size=14")
+    await screen.shows("5 fields changed")
+    assert screen.value("/log/legs/LF/HAA/torque", Field.SIZE) == "14"
+    await screen.enter(":set imu/tmperature size=14")
+    await screen.shows("no element is called 'imu/tmperature'; did you mean")
+    await screen.enter(":lod")
+    await screen.shows("did you")
 
 
-async def test_the_palette_finds_by_words_of_a_sentence_and_not_by_letters_that_are_in_any(fake, opened):
-    async with opened(fake, size=(100, 40)) as screen:
-        for typed, *shown in (
-            ("take the last", "Undo"),
-            (":view", ":view [save] NAME", "put a view on the screen, or keep it"),  # brackets as they are typed
-            ("beyond its", "Alarms  (A)"),
-            ("in a browser", "silo-tui --serve"),
-            ("so many are logged", "elements on"),  # what only the help has a line for
-        ):
-            await screen.press("ctrl+p")
-            await screen.type(typed)
-            for words in shown:
-                await screen.shows(words)
-            options = screen.app.screen.query_one("CommandList").option_count
-            await screen.type(" shores")
-            await screen.shows("No matches found")
-            await screen.press("escape", "escape")
-        assert options == 1
-
-
-async def test_the_palette_finds_what_the_help_has_a_line_for_and_tells_what_is_no_command(fake, opened):
-    async with opened(fake, size=(120, 40)) as screen:
-        palette = CommandProvider(screen.app.screen)
-        for line in entries("table", everywhere=True):
-            hidden = line.command in ("back", "excite") or bool(line.command and BY_ID[line.command].hidden)
-            if hidden or line.group == "Move":  # what moves; Excite is found by what is typed
-                continue
-            assert [hit async for hit in palette.search(line.right)], line
+async def test_the_palette_finds_by_words_of_a_sentence_and_not_by_letters_that_are_in_any(screen, size=(100, 40)):
+    for typed, *shown in (
+        ("take the last", "Undo"),
+        (":view", ":view [save] NAME", "put a view on the screen, or keep it"),  # brackets as they are typed
+        ("beyond its", "Alarms  (A)"),
+        ("in a browser", "silo-tui --serve"),
+        ("so many are logged", "elements on"),  # what only the help has a line for
+    ):
         await screen.press("ctrl+p")
-        await screen.type("so many are logged, of")
-        await screen.shows("elements on")
-        await screen.press("enter", "enter")
-        await screen.shows("elements on: so many are logged, of all")
+        await screen.type(typed)
+        for words in shown:
+            await screen.shows(words)
+        options = screen.app.screen.query_one("CommandList").option_count
+        await screen.type(" shores")
+        await screen.shows("No matches found")
+        await screen.press("escape", "escape")
+    assert options == 1
+
+
+async def test_the_palette_finds_what_the_help_has_a_line_for_and_tells_what_is_no_command(screen, size=(120, 40)):
+    palette = CommandProvider(screen.app.screen)
+    for line in entries("table", everywhere=True):
+        hidden = line.command in ("back", "excite") or bool(line.command and BY_ID[line.command].hidden)
+        if hidden or line.group == "Move":  # what moves; Excite is found by what is typed
+            continue
+        assert [hit async for hit in palette.search(line.right)], line
+    await screen.press("ctrl+p")
+    await screen.type("so many are logged, of")
+    await screen.shows("elements on")
+    await screen.press("enter", "enter")
+    await screen.shows("elements on: so many are logged, of all")
 
 
 @pytest.mark.parametrize("word", ["browser", "serve", "web"])
@@ -473,73 +465,71 @@ async def test_how_all_is_shown_in_a_browser_is_told_by_its_word_and_by_the_menu
     assert [each.id for each in in_menu("menu_go", "monitor")["b"]] == ["browser"]
 
 
-async def test_the_palette_finds_a_spectrum_from_the_table_and_from_the_plots_and_leads_there(fake, opened):
-    async with opened(fake, size=(120, 40)) as screen:
-        await screen.press("ctrl+p")
-        await screen.type("spectrum")
-        await screen.shows("(large plot, Tab v)")
-        await screen.press("enter")
-        await screen.shows("Enter makes it so")
-        await screen.press("ctrl+p")
-        await screen.type("spectrum")
-        await screen.shows("(large plot, Tab v)")
-        await screen.press("enter")
-        await screen.shows("once one plot is large")
-        await screen.press("ctrl+p")
-        await screen.type("spectrum")
-        await screen.shows("over time, x-y, spectrum, histogram")
-        assert "large plot," not in screen.text
+async def test_the_palette_finds_a_spectrum_from_the_table_and_from_the_plots_and_leads_there(screen, size=(120, 40)):
+    await screen.press("ctrl+p")
+    await screen.type("spectrum")
+    await screen.shows("(large plot, Tab v)")
+    await screen.press("enter")
+    await screen.shows("Enter makes it so")
+    await screen.press("ctrl+p")
+    await screen.type("spectrum")
+    await screen.shows("(large plot, Tab v)")
+    await screen.press("enter")
+    await screen.shows("once one plot is large")
+    await screen.press("ctrl+p")
+    await screen.type("spectrum")
+    await screen.shows("over time, x-y, spectrum, histogram")
+    assert "large plot," not in screen.text
 
 
-async def test_the_palette_finds_what_another_screen_has_and_what_can_only_be_typed_and_leads_there(fake, opened):
-    async with opened(fake, size=(100, 40)) as screen:
-        await screen.press("ctrl+p")
-        await screen.type("over the live plots")
-        await screen.shows("Overlay")
-        await screen.press("enter", "enter")
-        await screen.shows("Overlay (O): it is a key of recordings (F)")
-        await screen.press("escape", "ctrl+p")
-        await screen.type("put the cursor there")
-        await screen.shows(":goto NAME")
-        await screen.press("enter")
-        await screen.shows("Tab completes")
-        await screen.until(lambda: any(line.startswith(" :goto") for line in screen.text.splitlines()), "the colon")
-        await screen.shows(f":goto NAME: {BY_WORD['goto'].typed.help}")
-        await screen.enter("imu/temp")
-        await screen.until(lambda: screen.session.table.names[screen.session.rows.row] == "/log/imu/temperature")
+async def test_the_palette_finds_what_another_screen_has_and_what_can_only_be_typed_and_leads_there(
+    screen, size=(100, 40)
+):
+    await screen.press("ctrl+p")
+    await screen.type("over the live plots")
+    await screen.shows("Overlay")
+    await screen.press("enter", "enter")
+    await screen.shows("Overlay (O): it is a key of recordings (F)")
+    await screen.press("escape", "ctrl+p")
+    await screen.type("put the cursor there")
+    await screen.shows(":goto NAME")
+    await screen.press("enter")
+    await screen.shows("Tab completes")
+    await screen.until(lambda: any(line.startswith(" :goto") for line in screen.text.splitlines()), "the colon")
+    await screen.shows(f":goto NAME: {BY_WORD['goto'].typed.help}")
+    await screen.enter("imu/temp")
+    await screen.until(lambda: screen.session.table.names[screen.session.rows.row] == "/log/imu/temperature")
 
 
-async def test_ctrl_u_in_a_command_line_takes_away_what_stands_behind_the_word_then_the_word(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("colon", *"mark", "space", *"imu", "space", *"base")
-        line = screen.app.screen.query_one("#command-over")
-        for left in ("mark ", "", ""):
-            await screen.press("ctrl+u")
-            assert line.value == left
-        await screen.press(*"plot", "space", *"imu", "left", "ctrl+u")
-        assert line.value == "plot u"  # what is behind the cursor stays
+async def test_ctrl_u_in_a_command_line_takes_away_what_stands_behind_the_word_then_the_word(screen):
+    await screen.press("colon", *"mark", "space", *"imu", "space", *"base")
+    line = screen.app.screen.query_one("#command-over")
+    for left in ("mark ", "", ""):
+        await screen.press("ctrl+u")
+        assert line.value == left
+    await screen.press(*"plot", "space", *"imu", "left", "ctrl+u")
+    assert line.value == "plot u"  # what is behind the cursor stays
 
 
 async def test_a_dialog_leaves_the_table_to_be_seen_news_of_others_are_told_and_what_is_edited_has_its_column(
-    fake, opened
+    fake, screen, size=(120, 40)
 ):
-    async with opened(fake, size=(120, 40)) as screen:
-        fake.publish(fake.kinds.EDITED, "3 elements edited", by="ann@here silo-tui 1")
-        fake.publish(fake.kinds.SCRIPT_SAVED, "configuration saved", by="bob@lab silo-tui 9")
-        await screen.shows("configuration saved (bob@lab silo-tui 9)")
-        await screen.press("e")
-        await screen.shows("Edit what of /base/orientation?")
-        lines = screen.text.splitlines()
-        assert "/base/orientation" in lines[2]
-        title = next(line for line in lines if "Edit what of" in line)
-        assert title.index("Edit what of") > 20
-        await screen.press("escape")
-        await screen.do("columns")
-        await screen.until(lambda: Field.DIVIDER not in screen.app.screen.table.field_spans())
-        await screen.press("d")
-        await screen.until(lambda: Field.DIVIDER in screen.app.screen.table.field_spans(), "what is edited")
-        await screen.press("5", "enter")
-        await screen.until(lambda: screen.value(FIRST, Field.DIVIDER) == "5")
+    fake.publish(fake.kinds.EDITED, "3 elements edited", by="ann@here silo-tui 1")
+    fake.publish(fake.kinds.SCRIPT_SAVED, "configuration saved", by="bob@lab silo-tui 9")
+    await screen.shows("configuration saved (bob@lab silo-tui 9)")
+    await screen.press("e")
+    await screen.shows("Edit what of /base/orientation?")
+    lines = screen.text.splitlines()
+    assert "/base/orientation" in lines[2]
+    title = next(line for line in lines if "Edit what of" in line)
+    assert title.index("Edit what of") > 20
+    await screen.press("escape")
+    await screen.do("columns")
+    await screen.until(lambda: Field.DIVIDER not in screen.app.screen.table.field_spans())
+    await screen.press("d")
+    await screen.until(lambda: Field.DIVIDER in screen.app.screen.table.field_spans(), "what is edited")
+    await screen.press("5", "enter")
+    await screen.until(lambda: screen.value(FIRST, Field.DIVIDER) == "5")
 
 
 @pytest.fixture
@@ -651,19 +641,18 @@ async def test_another_logger_is_opened_from_the_plots_or_the_table_after_a_ques
         await screen.until(lambda: screen.session.connected)
 
 
-async def test_a_picture_is_an_svg_also_where_it_is_called_png_and_each_screen_says_where(fake, opened, tmp_path):
-    async with opened(fake.run(20)) as screen:
-        for name, keys in (("x.svg", ()), ("p2.png", ("m", "enter"))):
-            await screen.plot(*keys) if keys else None
-            await screen.press(":")
-            screen.app.screen.query_one("#command-over").value = f"picture {tmp_path / name}"
-            await screen.press("enter")
-            path = (tmp_path / name).with_suffix(".svg")
-            await screen.until(path.exists, "the picture")
-            await screen.shows("picture of the screen")
-            assert "<svg" in path.read_text()
-        assert screen.app.screen.scope == "detail"
-        assert not (tmp_path / "p2.png").exists()
+async def test_a_picture_is_an_svg_also_where_it_is_called_png_and_each_screen_says_where(screen, tmp_path, ran_s=20):
+    for name, keys in (("x.svg", ()), ("p2.png", ("m", "enter"))):
+        await screen.plot(*keys) if keys else None
+        await screen.press(":")
+        screen.app.screen.query_one("#command-over").value = f"picture {tmp_path / name}"
+        await screen.press("enter")
+        path = (tmp_path / name).with_suffix(".svg")
+        await screen.until(path.exists, "the picture")
+        await screen.shows("picture of the screen")
+        assert "<svg" in path.read_text()
+    assert screen.app.screen.scope == "detail"
+    assert not (tmp_path / "p2.png").exists()
 
 
 async def test_a_long_difference_leaves_the_choices_on_a_small_screen(fake, opened, monkeypatch):
@@ -684,19 +673,18 @@ async def test_a_long_difference_leaves_the_choices_on_a_small_screen(fake, open
             await screen.until(lambda: not screen.app.screen.is_modal, f"the table, as it was before, at {size}")
 
 
-async def test_on_a_small_screen_every_choice_is_there_and_what_was_said_last_is_read_whole(fake, opened):
-    async with opened(fake.run()) as screen:
-        for key, *choices in (
-            ("e", "divider", "size", "buffer", "action"), ("N", "A trigger", "Limits", "A signal derived from it"),
-        ):  # fmt: skip
-            await screen.press(key)
-            await screen.until(lambda: screen.app.screen.is_modal)
-            await screen.press("pagedown")
-            for choice in choices:
-                assert choice in screen.text
-            await screen.press("escape")
-        await screen.press("*", "d", "5", "enter", "d", "0", "enter")
-        await screen.shows("2147483647")
+async def test_on_a_small_screen_every_choice_is_there_and_what_was_said_last_is_read_whole(screen, ran_s=12):
+    for key, *choices in (
+        ("e", "divider", "size", "buffer", "action"), ("N", "A trigger", "Limits", "A signal derived from it"),
+    ):  # fmt: skip
+        await screen.press(key)
+        await screen.until(lambda: screen.app.screen.is_modal)
+        await screen.press("pagedown")
+        for choice in choices:
+            assert choice in screen.text
+        await screen.press("escape")
+    await screen.press("*", "d", "5", "enter", "d", "0", "enter")
+    await screen.shows("2147483647")
 
 
 async def test_a_question_that_hears_of_its_size_before_its_choices_do_is_drawn_whole(fake, opened, monkeypatch):
@@ -759,38 +747,36 @@ async def test_while_the_demo_starts_nobody_is_told_that_no_logger_runs(opened):
         await screen.shows("No logger is running")
 
 
-async def test_what_shines_through_a_dialog_is_painted_anew_with_it(fake, opened, monkeypatch):
-    async with opened(fake) as screen:
-        table, below, above = (
-            screen.app.screen,
-            Question("One", "", [Choice("", "Close")]),
-            Question("Other", "", [Choice("", "Close")]),
-        )
-        for dialog in (below, above):
-            await screen.app.push_screen(dialog)
-        painted = []
-        for each in (table, below):
-            monkeypatch.setattr(each, "_set_dirty", lambda *_, each=each: painted.append(each))
-        above.refresh()
-        assert painted == [below]
+async def test_what_shines_through_a_dialog_is_painted_anew_with_it(screen, monkeypatch):
+    table, below, above = (
+        screen.app.screen,
+        Question("One", "", [Choice("", "Close")]),
+        Question("Other", "", [Choice("", "Close")]),
+    )
+    for dialog in (below, above):
+        await screen.app.push_screen(dialog)
+    painted = []
+    for each in (table, below):
+        monkeypatch.setattr(each, "_set_dirty", lambda *_, each=each: painted.append(each))
+    above.refresh()
+    assert painted == [below]
 
 
-async def test_tab_says_what_else_a_line_may_become(fake, opened):
-    async with opened(fake, size=(100, 40)) as screen:
-        await screen.press("slash")
-        await screen.type("/legs/LF/H")
-        await screen.press("tab")
-        await screen.shows("Tab again: /legs/LF/HFE")
-        assert screen.app.screen.query_one("#filter-line").value == "/legs/LF/HAA"
-        await screen.press("tab")
-        await screen.shows("Tab again: /legs/LF/HAA")
-        await screen.type("/nowhere")
-        await screen.press("tab")
-        await screen.shows("nothing completes it")
-        await screen.press("escape", "colon")
-        await screen.type("st")
-        await screen.press("tab")
-        await screen.shows("Tab again: stop")
+async def test_tab_says_what_else_a_line_may_become(screen, size=(100, 40)):
+    await screen.press("slash")
+    await screen.type("/legs/LF/H")
+    await screen.press("tab")
+    await screen.shows("Tab again: /legs/LF/HFE")
+    assert screen.app.screen.query_one("#filter-line").value == "/legs/LF/HAA"
+    await screen.press("tab")
+    await screen.shows("Tab again: /legs/LF/HAA")
+    await screen.type("/nowhere")
+    await screen.press("tab")
+    await screen.shows("nothing completes it")
+    await screen.press("escape", "colon")
+    await screen.type("st")
+    await screen.press("tab")
+    await screen.shows("Tab again: stop")
 
 
 async def test_the_choices_of_a_question_are_in_sight_however_long_its_title_and_what_it_tells_are(fake, opened):

@@ -31,42 +31,41 @@ async def test_a_menu_without_a_logger_says_of_what_is_about_one_that_there_is_n
 
 
 @pytest.mark.parametrize("size", [(80, 24), (200, 24)])
-async def test_a_table_whose_filter_lets_nothing_pass_offers_nothing_about_rows(size, fake, opened):
-    async with opened(fake.run(), size=size) as screen:
-        await screen.shows("space Mark")
-        await screen.enter("/zzzz")
-        await screen.shows("0 of 72")
-        for each in ("mark_shown", "mark", "monitor", "fold"):
-            assert f" {BY_ID[each].label}" not in bar(screen), each
-        assert "Esc No filter" in bar(screen)
-        await screen.press("asterisk")
-        await screen.shows("no element is here")
-        await screen.press("e", "d")
-        await screen.shows("no element is here")
-        assert not screen.app.screen.is_typing
+async def test_a_table_whose_filter_lets_nothing_pass_offers_nothing_about_rows(size, screen, ran_s=12):
+    await screen.shows("space Mark")
+    await screen.enter("/zzzz")
+    await screen.shows("0 of 72")
+    for each in ("mark_shown", "mark", "monitor", "fold"):
+        assert f" {BY_ID[each].label}" not in bar(screen), each
+    assert "Esc No filter" in bar(screen)
+    await screen.press("asterisk")
+    await screen.shows("no element is here")
+    await screen.press("e", "d")
+    await screen.shows("no element is here")
+    assert not screen.app.screen.is_typing
 
 
-async def test_what_is_marked_elsewhere_is_still_plotted_from_a_table_that_shows_nothing(fake, opened):
-    async with opened(fake.run(), size=(200, 24)) as screen:
-        await screen.press("space")
-        await screen.enter("/zzzz")
-        await screen.shows("0 of 72")
-        assert "m Plot" in bar(screen)
-        assert "Mark all" not in bar(screen)
+async def test_what_is_marked_elsewhere_is_still_plotted_from_a_table_that_shows_nothing(
+    screen, ran_s=12, size=(200, 24)
+):
+    await screen.press("space")
+    await screen.enter("/zzzz")
+    await screen.shows("0 of 72")
+    assert "m Plot" in bar(screen)
+    assert "Mark all" not in bar(screen)
 
 
 @pytest.mark.parametrize("scope", ["triggers", "alarms", "events", "recordings", "parameters"])
-async def test_a_list_without_a_line_offers_nothing_about_lines(scope, fake, opened):
-    async with opened(fake.run(), size=(200, 24)) as screen:
-        fake.trigger_statuses = fake.limit_statuses = []
-        await screen.do(scope)
-        await screen.until(lambda: screen.app.screen.scope == scope, scope)
-        listed = screen.app.screen
-        if listed.shown:
-            await screen.press("slash")
-            await screen.enter("zzzzzz")
-            await screen.until(lambda: not listed.shown, "no line")
-        for words in ("Mark", "Turn", "Delete", "Fetch", "w Write", "Go there", "Compare"):
-            assert words not in bar(screen), words
-        await screen.press("space")
-        assert listed is screen.app.screen
+async def test_a_list_without_a_line_offers_nothing_about_lines(scope, fake, screen, ran_s=12, size=(200, 24)):
+    fake.trigger_statuses = fake.limit_statuses = []
+    await screen.do(scope)
+    await screen.until(lambda: screen.app.screen.scope == scope, scope)
+    listed = screen.app.screen
+    if listed.shown:
+        await screen.press("slash")
+        await screen.enter("zzzzzz")
+        await screen.until(lambda: not listed.shown, "no line")
+    for words in ("Mark", "Turn", "Delete", "Fetch", "w Write", "Go there", "Compare"):
+        assert words not in bar(screen), words
+    await screen.press("space")
+    assert listed is screen.app.screen

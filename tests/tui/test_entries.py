@@ -253,14 +253,13 @@ async def test_a_typed_command_that_writes_is_refused_as_its_key_is(new_fake, op
         assert (fake.calls, screen.session.table.pending_count) == ([], (0, 0))
 
 
-async def test_the_name_of_a_vector_tells_which_entry_is_shown_alone(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.enter(":goto base/position")
-        await screen.do("component", "component")  # the norm, then its first entry
-        screen.app.screen.show_set("statistics")
-        await screen.shows("/base/position_x ")
-        await screen.do("component")
-        await screen.shows("/base/position_y ")
-        assert "/base/position_x" not in screen.text
-        await screen.do("component", "component")
-        await screen.until(lambda: "/base/position " in screen.text and "/base/position_" not in screen.text)
+async def test_the_name_of_a_vector_tells_which_entry_is_shown_alone(screen, ran_s=12):
+    await screen.enter(":goto base/position")
+    await screen.do("component", "component")  # the norm, then its first entry
+    screen.app.screen.show_set("statistics")
+    await screen.shows("/base/position_x ")
+    await screen.do("component")
+    await screen.shows("/base/position_y ")
+    assert "/base/position_x" not in screen.text
+    await screen.do("component", "component")
+    await screen.until(lambda: "/base/position " in screen.text and "/base/position_" not in screen.text)

@@ -229,41 +229,39 @@ def running(fake):
 
 
 async def test_the_events_screen_shows_newest_first_and_follows_and_a_line_that_the_mouse_chose_stays_under_the_cursor(
-    running, opened
+    running, screen
 ):
-    async with opened(running) as screen:
-        await screen.do("events")
-        await screen.shows("3 events, follows")
-        lines = [each for each in screen.text.splitlines()[1:] if ":" in each]
-        assert "E 3 elements changed" in lines[0]
-        assert 'M "push 3"' in lines[1]
-        running.happen("lost", "12 rows lost", running.now_ns)
-        await screen.shows("X 12 rows lost")
-        await screen.shows("4 events, follows")
-        await screen.pilot.click("#list-lines", offset=(5, 2))
-        await screen.shows("4 events, g follows")
-        running.happen("lost", "13 rows lost", running.now_ns)
-        await screen.shows("5 events, g follows")
-        assert screen.app.screen.chosen.text == "push 3"
-        await screen.do("list_top")
-        await screen.shows("5 events, follows")
+    await screen.do("events")
+    await screen.shows("3 events, follows")
+    lines = [each for each in screen.text.splitlines()[1:] if ":" in each]
+    assert "E 3 elements changed" in lines[0]
+    assert 'M "push 3"' in lines[1]
+    running.happen("lost", "12 rows lost", running.now_ns)
+    await screen.shows("X 12 rows lost")
+    await screen.shows("4 events, follows")
+    await screen.pilot.click("#list-lines", offset=(5, 2))
+    await screen.shows("4 events, g follows")
+    running.happen("lost", "13 rows lost", running.now_ns)
+    await screen.shows("5 events, g follows")
+    assert screen.app.screen.chosen.text == "push 3"
+    await screen.do("list_top")
+    await screen.shows("5 events, follows")
 
 
 @pytest.mark.parametrize("lost", [1, 2, 5])
-async def test_lines_whose_news_got_lost_are_asked_for_with_the_next_one(running, opened, monkeypatch, lost):
-    async with opened(running) as screen:
-        await screen.do("events")
-        await screen.shows("3 events, follows")
-        with monkeypatch.context() as thin:
-            thin.setattr(running, "publish", lambda *_, **__: None)
-            for number in range(lost):
-                running.happen("marker", f"unheard {number}", running.now_ns)
-        running.happen("marker", "heard", running.now_ns)
-        await screen.shows('M "heard"')
-        await screen.shows(f"{4 + lost} events, follows")
-        assert all(f'M "unheard {number}"' in screen.text for number in range(lost))
-        numbers = [event.number for event in screen.app.context.session.happened]
-        assert numbers == list(range(1, 5 + lost))
+async def test_lines_whose_news_got_lost_are_asked_for_with_the_next_one(running, monkeypatch, lost, screen):
+    await screen.do("events")
+    await screen.shows("3 events, follows")
+    with monkeypatch.context() as thin:
+        thin.setattr(running, "publish", lambda *_, **__: None)
+        for number in range(lost):
+            running.happen("marker", f"unheard {number}", running.now_ns)
+    running.happen("marker", "heard", running.now_ns)
+    await screen.shows('M "heard"')
+    await screen.shows(f"{4 + lost} events, follows")
+    assert all(f'M "unheard {number}"' in screen.text for number in range(lost))
+    numbers = [event.number for event in screen.app.context.session.happened]
+    assert numbers == list(range(1, 5 + lost))
 
 
 async def test_signals_and_files_have_one_name_in_events_and_messages(running, opened):
@@ -290,14 +288,13 @@ def test_a_filter_finds_a_moment_and_a_tick_as_they_are_read_and_typed(words):
     assert line(one, "push", 80, "robot").startswith("  01:20:35.000       4 000 M push")
 
 
-async def test_enter_goes_there_in_the_plots(running, opened):
-    async with opened(running) as screen:
-        await screen.plot("m")
-        await screen.do("events", "j", "enter")
-        await screen.shows("at -1.998 s")
-        await screen.shows(': "push 3"')
-        assert "PAUSED" in screen.text
-        assert screen.app.screen.window.at_ns == running.happened[1].at_ns
+async def test_enter_goes_there_in_the_plots(running, screen):
+    await screen.plot("m")
+    await screen.do("events", "j", "enter")
+    await screen.shows("at -1.998 s")
+    await screen.shows(': "push 3"')
+    assert "PAUSED" in screen.text
+    assert screen.app.screen.window.at_ns == running.happened[1].at_ns
 
 
 async def test_what_happens_meanwhile_stands_above_the_event_under_the_cursor(running, opened):
@@ -339,17 +336,16 @@ async def test_a_line_of_several_goes_up_as_another_one_comes(running, opened):
         assert "orders anew" not in screen.text
 
 
-async def test_an_event_that_others_push_off_the_screen_leaves_the_cursor_to_the_newest(running, opened):
-    async with opened(running, size=(80, 24)) as screen:
-        await screen.do("events")
-        await screen.shows("3 events, follows")
-        for number in range(30):
-            running.happen("marker", f"push {number}", running.now_ns)
-        await screen.shows("33 events, follows")
-        await screen.until(lambda: screen.app.screen.lines.scroll_offset.y == 0)
-        assert int(screen.app.screen.chosen.text.split()[1]) >= 10
-        assert screen.app.screen.lines.highlighted < screen.app.screen.lines.size.height
-        assert '"push 29"' in screen.text
+async def test_an_event_that_others_push_off_the_screen_leaves_the_cursor_to_the_newest(running, screen, size=(80, 24)):
+    await screen.do("events")
+    await screen.shows("3 events, follows")
+    for number in range(30):
+        running.happen("marker", f"push {number}", running.now_ns)
+    await screen.shows("33 events, follows")
+    await screen.until(lambda: screen.app.screen.lines.scroll_offset.y == 0)
+    assert int(screen.app.screen.chosen.text.split()[1]) >= 10
+    assert screen.app.screen.lines.highlighted < screen.app.screen.lines.size.height
+    assert '"push 29"' in screen.text
 
 
 @pytest.mark.parametrize(
@@ -390,19 +386,18 @@ async def test_an_event_about_a_signal_is_never_shown_in_plots_of_others(running
 
 
 async def test_a_marker_has_the_tick_of_the_key_press_and_the_words_that_follow_and_left_by_esc_is_none(
-    running, opened
+    running, screen
 ):
-    async with opened(running) as screen:
-        await screen.do("set_marker", "x", "escape")
-        for typed, words in (("it slipped", "it slipped"), ("", "marker")):
-            await screen.until(lambda: screen.session.frame_time_ns == running.now_ns)
-            pressed_ns = running.now_ns
-            await screen.do("set_marker")
-            running.advance(5.0)
-            await screen.enter(typed)
-            await screen.until(lambda asked=("mark", words, pressed_ns): asked in running.calls)
-            await screen.shows(f'"{words}"')
-        assert len([call for call in running.calls if call[0] == "mark"]) == 2
+    await screen.do("set_marker", "x", "escape")
+    for typed, told in (("it slipped", "it slipped"), ("", "marker")):
+        await screen.until(lambda: screen.session.frame_time_ns == running.now_ns)
+        pressed_ns = running.now_ns
+        await screen.do("set_marker")
+        running.advance(5.0)
+        await screen.enter(typed)
+        await screen.until(lambda asked=("mark", told, pressed_ns): asked in running.calls)
+        await screen.shows(f'"{told}"')
+    assert len([call for call in running.calls if call[0] == "mark"]) == 2
 
 
 @pytest.fixture
@@ -431,30 +426,27 @@ async def test_limits_of_other_signals_hide_neither_plots_nor_marks(flickering, 
         await screen.until(lambda: screen.text.count(" H 3 Nm at tick 1") > 10, "each of them")
 
 
-async def test_plots_have_a_line_and_a_letter_where_something_happened_and_keys_go_there(running, opened):
-    async with opened(running) as screen:
-        await screen.plot("m")
-        await screen.until(lambda: "╎" in screen.text and "M" in screen.text.splitlines()[-3], "a line and its letter")
-        await screen.do("space", "find", "m", "enter")
-        await screen.shows("marker, 1 of 1")
-        assert screen.app.screen.window.at_ns == running.happened[1].at_ns
-        await screen.do("next_event")
-        await screen.until(lambda: screen.app.screen.window.at_ns == running.happened[2].at_ns)
+async def test_plots_have_a_line_and_a_letter_where_something_happened_and_keys_go_there(running, screen):
+    await screen.plot("m")
+    await screen.until(lambda: "╎" in screen.text and "M" in screen.text.splitlines()[-3], "a line and its letter")
+    await screen.do("space", "find", "m", "enter")
+    await screen.shows("marker, 1 of 1")
+    assert screen.app.screen.window.at_ns == running.happened[1].at_ns
+    await screen.do("next_event")
+    await screen.until(lambda: screen.app.screen.window.at_ns == running.happened[2].at_ns)
 
 
-async def test_where_nothing_is_marked_the_menu_says_so_of_unmark(running, opened):
-    async with opened(running) as screen:
-        await screen.do("mark", "events")
-        await screen.until(lambda: screen.app.screen.scope == "events")
-        assert screen.app.screen.why_not_now("unmark") == "none marked"
+async def test_where_nothing_is_marked_the_menu_says_so_of_unmark(running, screen):
+    await screen.do("mark", "events")
+    await screen.until(lambda: screen.app.screen.scope == "events")
+    assert screen.app.screen.why_not_now("unmark") == "none marked"
 
 
-async def test_a_read_only_session_sees_events_and_marks_nothing(running, opened):
-    async with opened(running, read_only=True) as screen:
-        await screen.do("set_marker")
-        await screen.shows("read-only")
-        await screen.do("events")
-        await screen.shows("3 events")
+async def test_a_read_only_session_sees_events_and_marks_nothing(running, screen, read_only=True):
+    await screen.do("set_marker")
+    await screen.shows("read-only")
+    await screen.do("events")
+    await screen.shows("3 events")
 
 
 async def test_a_file_has_its_events_too(tmp_path, screen_of, new_finder):
@@ -492,16 +484,15 @@ async def test_letters_stand_beside_the_times_of_the_axis_never_over_them(flicke
         assert [word in axis for word in ("-10 s", "-7.5 s", "-5 s", "-2.5 s", "now", "M")] == [True] * 6
 
 
-async def test_both_cursors_have_their_letter_where_they_stand_on_one_another(running, opened):
-    async with opened(running) as screen:
-        await screen.plot("m")
-        await screen.do("space", "cursor_b")
+async def test_both_cursors_have_their_letter_where_they_stand_on_one_another(running, screen):
+    await screen.plot("m")
+    await screen.do("space", "cursor_b")
 
-        def axis():
-            return next((line for line in screen.text.splitlines() if "-7.5 s" in line), "")
+    def axis():
+        return next((line for line in screen.text.splitlines() if "-7.5 s" in line), "")
 
-        await screen.until(lambda: "A" in axis() and "B" in axis(), "both letters")
-        assert "-5 s" in axis()
+    await screen.until(lambda: "A" in axis() and "B" in axis(), "both letters")
+    assert "-5 s" in axis()
 
 
 @pytest.mark.parametrize(
@@ -533,10 +524,9 @@ async def test_of_an_episode_one_may_say_how_it_went_before_it_was_told_that_it_
         await screen.until(lambda: [call[1] for call in running.calls if call[0] == "mark"] == ['episode "pick" redo'])
 
 
-async def test_without_an_episode_it_is_said_that_there_is_none(running, opened):
-    async with opened(running) as screen:
-        await screen.press("f5")
-        await screen.shows("no episode was begun in this run")
+async def test_without_an_episode_it_is_said_that_there_is_none(running, screen):
+    await screen.press("f5")
+    await screen.shows("no episode was begun in this run")
 
 
 @pytest.mark.parametrize(("at_s", "scope"), [(None, "events"), (0.0, "file_events")])
@@ -544,49 +534,47 @@ def test_the_keys_of_events_of_a_file_are_those_of_a_file(at_s, scope):
     assert EventsScreen(SimpleNamespace(at_s=at_s)).scope == scope
 
 
-async def test_the_list_shows_which_moments_are_overwritten_and_enter_says_which_file_has_them(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await screen.do("set_marker")
-        await screen.enter("old")
-        await screen.until(lambda: [each for each in screen.session.happened if each.text == "old"], "the marker")
-        fake.advance(30.0)  # three times what the buffers hold
-        await screen.until(lambda: screen.session.frame_time_ns == fake.now_ns, "what came since")
-        await screen.do("set_marker")
-        await screen.enter("new")
-        await screen.until(lambda: [each for each in screen.session.happened if each.text == "new"], "the marker")
-        await screen.do("events")
-        await screen.shows("× no longer in memory")
-        listed = screen.app.screen
-        (old,) = [at for at, each in enumerate(listed.shown) if each.text == "old"]
-        (new,) = [at for at, each in enumerate(listed.shown) if each.text == "new"]
-        assert [line for line in screen.text.splitlines() if '"old"' in line and "×" in line[:3]]
-        assert not [line for line in screen.text.splitlines() if '"new"' in line and "×" in line[:3]]
-        listed.move(old)
-        await screen.shows("held no more")
-        assert "Enter Go there" not in screen.text
-        await screen.do("go_to_event")
-        await screen.shows("no plot has it: its rows are held no more")
-        assert screen.app.screen is listed
-        listed.move(new)
-        await screen.shows("Enter Go there")
-        await screen.do("go_to_event")
-        await screen.until(lambda: screen.app.screen is not listed, "the plots")
+async def test_the_list_shows_which_moments_are_overwritten_and_enter_says_which_file_has_them(fake, screen, ran_s=20):
+    await screen.do("set_marker")
+    await screen.enter("old")
+    await screen.until(lambda: [each for each in screen.session.happened if each.text == "old"], "the marker")
+    fake.advance(30.0)  # three times what the buffers hold
+    await screen.until(lambda: screen.session.frame_time_ns == fake.now_ns, "what came since")
+    await screen.do("set_marker")
+    await screen.enter("new")
+    await screen.until(lambda: [each for each in screen.session.happened if each.text == "new"], "the marker")
+    await screen.do("events")
+    await screen.shows("× no longer in memory")
+    listed = screen.app.screen
+    (old,) = [at for at, each in enumerate(listed.shown) if each.text == "old"]
+    (new,) = [at for at, each in enumerate(listed.shown) if each.text == "new"]
+    assert [line for line in screen.text.splitlines() if '"old"' in line and "×" in line[:3]]
+    assert not [line for line in screen.text.splitlines() if '"new"' in line and "×" in line[:3]]
+    listed.move(old)
+    await screen.shows("held no more")
+    assert "Enter Go there" not in screen.text
+    await screen.do("go_to_event")
+    await screen.shows("no plot has it: its rows are held no more")
+    assert screen.app.screen is listed
+    listed.move(new)
+    await screen.shows("Enter Go there")
+    await screen.do("go_to_event")
+    await screen.until(lambda: screen.app.screen is not listed, "the plots")
 
 
-async def test_a_moment_that_a_pause_holds_is_not_gone(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await screen.enter("/torque", "m")
-        await screen.curves()
-        await screen.do("set_marker")
-        await screen.enter("here")
-        await screen.until(lambda: [each for each in screen.session.happened if each.text == "here"], "the marker")
-        fake.advance(2.0)
-        await screen.do("pause")
-        await screen.until(lambda: screen.app.screen.pause.source is not None, "what is held")
-        await screen.until(lambda: screen.app.screen.pause.settled, "what is held")
-        fake.advance(30.0)
-        await screen.do("events")
-        listed = screen.app.screen
-        await screen.until(lambda: listed.session.status.last_tick_ns == fake.now_ns, "how it stands")
-        (one,) = [each for each in listed.shown if each.text == "here"]
-        assert not listed._is_gone(one)
+async def test_a_moment_that_a_pause_holds_is_not_gone(fake, screen, ran_s=20):
+    await screen.enter("/torque", "m")
+    await screen.curves()
+    await screen.do("set_marker")
+    await screen.enter("here")
+    await screen.until(lambda: [each for each in screen.session.happened if each.text == "here"], "the marker")
+    fake.advance(2.0)
+    await screen.do("pause")
+    await screen.until(lambda: screen.app.screen.pause.source is not None, "what is held")
+    await screen.until(lambda: screen.app.screen.pause.settled, "what is held")
+    fake.advance(30.0)
+    await screen.do("events")
+    listed = screen.app.screen
+    await screen.until(lambda: listed.session.status.last_tick_ns == fake.now_ns, "how it stands")
+    (one,) = [each for each in listed.shown if each.text == "here"]
+    assert not listed._is_gone(one)

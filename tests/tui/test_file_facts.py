@@ -149,70 +149,69 @@ def path(tmp_path):
     return found
 
 
+@pytest.fixture
+def screen(on_file, path):
+    return on_file(path)
+
+
 def order(screen):
     rows = screen.session.rows
     return [screen.session.table.names[row].rpartition("/")[2] for row in rows.shown]
 
 
-async def test_a_file_is_ordered_by_what_its_samples_say(path, on_file):
-    async with on_file(path) as screen:
-        for letter, found in (
-            ("v", "ramp vector spike low"), ("a", "ramp low vector spike"), ("m", "ramp spike vector low"),
-            ("i", "low spike ramp vector"), ("t", "ramp vector spike low"), ("c", "ramp spike vector low"),
-        ):  # fmt: skip
-            await screen.press("j", "o", letter)
-            await screen.until(lambda found=found: " ".join(order(screen)) == found, f"by {letter}: {found}")
-            assert screen.session.rows.position == 0, letter
+async def test_a_file_is_ordered_by_what_its_samples_say(screen):
+    for letter, found in (
+        ("v", "ramp vector spike low"), ("a", "ramp low vector spike"), ("m", "ramp spike vector low"),
+        ("i", "low spike ramp vector"), ("t", "ramp vector spike low"), ("c", "ramp spike vector low"),
+    ):  # fmt: skip
+        await screen.press("j", "o", letter)
+        await screen.until(lambda found=found: " ".join(order(screen)) == found, f"by {letter}: {found}")
+        assert screen.session.rows.position == 0, letter
 
 
-async def test_at_80_columns_an_order_by_value_shows_the_values(path, on_file):
-    async with on_file(path) as screen:
-        await screen.press("o", "a")
-        await screen.until(lambda: screen.session.table.facts.time_ns)
-        assert order(screen)[:2] == ["ramp", "low"]
-        await screen.shows("-70")
-        await screen.shows("99.9")
+async def test_at_80_columns_an_order_by_value_shows_the_values(screen):
+    await screen.press("o", "a")
+    await screen.until(lambda: screen.session.table.facts.time_ns)
+    assert order(screen)[:2] == ["ramp", "low"]
+    await screen.shows("-70")
+    await screen.shows("99.9")
 
 
-async def test_a_measured_term_lets_only_pass_what_the_file_has(path, on_file):
-    async with on_file(path) as screen:
-        await screen.enter("/value>60")
-        await screen.until(lambda: order(screen) == ["ramp"])
-        await screen.shows("1 of 4")
+async def test_a_measured_term_lets_only_pass_what_the_file_has(screen):
+    await screen.enter("/value>60")
+    await screen.until(lambda: order(screen) == ["ramp"])
+    await screen.shows("1 of 4")
 
 
-async def test_every_measured_term_is_answered_from_the_file(path, on_file):
-    async with on_file(path) as screen:
-        for words, found in (
-            ("changed>5s", "low"), ("changed<1s", "ramp spike vector"), ("max>80", "ramp spike"), ("rate<95%", ""),
-            ("rate>99Hz mean<0", "low"), ("frozen", ""), ("-alarm std<10", "low spike"), ("fill>1%", ""),
-        ):  # fmt: skip
-            await screen.enter(f"/{words}")
-            await screen.until(lambda found=found: " ".join(order(screen)) == found, words)
-            await screen.press("escape")
-            assert len(order(screen)) == 4
+async def test_every_measured_term_is_answered_from_the_file(screen):
+    for words, found in (
+        ("changed>5s", "low"), ("changed<1s", "ramp spike vector"), ("max>80", "ramp spike"), ("rate<95%", ""),
+        ("rate>99Hz mean<0", "low"), ("frozen", ""), ("-alarm std<10", "low spike"), ("fill>1%", ""),
+    ):  # fmt: skip
+        await screen.enter(f"/{words}")
+        await screen.until(lambda found=found: " ".join(order(screen)) == found, words)
+        await screen.press("escape")
+        assert len(order(screen)) == 4
 
 
-async def test_terms_follow_the_cursor_of_the_plots(path, on_file):
-    async with on_file(path) as screen:
-        await screen.enter("/|value|>60")
-        await screen.until(lambda: order(screen) == ["low", "ramp"])
-        screen.session.time_ns = int(TIMES[400])
-        screen.app.screen.request_view()
-        await screen.until(lambda: order(screen) == ["low", "spike"])
+async def test_terms_follow_the_cursor_of_the_plots(screen):
+    await screen.enter("/|value|>60")
+    await screen.until(lambda: order(screen) == ["low", "ramp"])
+    screen.session.time_ns = int(TIMES[400])
+    screen.app.screen.request_view()
+    await screen.until(lambda: order(screen) == ["low", "spike"])
 
 
-async def test_statistics_of_a_file_are_columns(path, on_file):
-    async with on_file(path) as screen:
-        await screen.do("columns")
-        await screen.until(lambda: "/log/c/spike" in screen.session.table.facts.details)
-        await screen.shows("mean")
-        line = next(line for line in screen.text.splitlines() if "spike" in line).split()
-        assert "90.00" in line
-        await screen.do("columns")
-        await screen.shows("jitter")
-        await screen.do("columns")
-        await screen.shows("samples")
+async def test_statistics_of_a_file_are_columns(screen):
+    await screen.do("columns")
+    await screen.until(lambda: "/log/c/spike" in screen.session.table.facts.details)
+    await screen.shows("mean")
+    line = next(line for line in screen.text.splitlines() if "spike" in line).split()
+    assert "90.00" in line
+    await screen.do("columns")
+    await screen.shows("jitter")
+    await screen.do("columns")
+    await screen.shows("samples")
 
 
 def test_values_that_a_bag_of_others_lacks_are_in_no_statistic():

@@ -66,6 +66,11 @@ def path(tmp_path):
     return found
 
 
+@pytest.fixture
+def screen(on_file, path):
+    return on_file(path)
+
+
 def monitor(screen):
     return screen.app.screen
 
@@ -132,34 +137,32 @@ async def test_a_wide_table_shows_values_and_the_inspector(path, on_file):
         await screen.shows("divider   40")
 
 
-async def test_a_narrow_table_of_a_file_has_the_inspector_below(path, on_file):
-    async with on_file(path) as screen:
-        await screen.type("//imu/temperature")
-        await screen.do("enter", "inspector")
-        for words in ("divider   40", "buffer    looping", "lost      3", "at 19.9975 s:"):
-            await screen.shows(words)
-        line = next(line for line in screen.text.splitlines() if "kind  " in line)
-        assert "at 19.9975 s:" in line  # beside the facts: lines are few
-        inspector = screen.app.screen.inspector
-        await screen.until(lambda: not inspector.store.empty, "a plot")
-        assert inspector.store.count <= 2 * inspector.plot_width + 2  # of all samples, not of their last half
-        await screen.press("escape")  # what was opened last goes first
-        await screen.until(lambda: not inspector.display)
-        assert screen.session.rows.filter.text == "/imu/temperature"
-        await screen.press("escape")
-        await screen.until(lambda: not screen.session.rows.filter.text)
+async def test_a_narrow_table_of_a_file_has_the_inspector_below(screen):
+    await screen.type("//imu/temperature")
+    await screen.do("enter", "inspector")
+    for words in ("divider   40", "buffer    looping", "lost      3", "at 19.9975 s:"):
+        await screen.shows(words)
+    line = next(line for line in screen.text.splitlines() if "kind  " in line)
+    assert "at 19.9975 s:" in line  # beside the facts: lines are few
+    inspector = screen.app.screen.inspector
+    await screen.until(lambda: not inspector.store.empty, "a plot")
+    assert inspector.store.count <= 2 * inspector.plot_width + 2  # of all samples, not of their last half
+    await screen.press("escape")  # what was opened last goes first
+    await screen.until(lambda: not inspector.display)
+    assert screen.session.rows.filter.text == "/imu/temperature"
+    await screen.press("escape")
+    await screen.until(lambda: not screen.session.rows.filter.text)
 
 
-async def test_goto_says_that_several_have_the_words_and_filter_and_marks_work_as_on_a_logger(path, on_file):
-    async with on_file(path) as screen:
-        await screen.enter(":goto at")
-        await screen.shows("the first of 3 that have 'at'; / at shows all")
-        await screen.enter(":goto operator")
-        await screen.shows(">/state/operator")
-        await screen.enter("/unit:Nm")
-        await screen.shows("1 of 5")
-        await screen.press("asterisk")
-        await screen.shows("1 marked")
+async def test_goto_says_that_several_have_the_words_and_filter_and_marks_work_as_on_a_logger(screen):
+    await screen.enter(":goto at")
+    await screen.shows("the first of 3 that have 'at'; / at shows all")
+    await screen.enter(":goto operator")
+    await screen.shows(">/state/operator")
+    await screen.enter("/unit:Nm")
+    await screen.shows("1 of 5")
+    await screen.press("asterisk")
+    await screen.shows("1 marked")
 
 
 async def test_the_inspector_says_at_how_many_ticks_an_element_could_not_be_read(tmp_path, on_file):
@@ -171,30 +174,29 @@ async def test_the_inspector_says_at_how_many_ticks_an_element_could_not_be_read
         await screen.shows("not read  at 3 ticks")
 
 
-async def test_sorting_leaves_out_what_files_don_t_tell(path, on_file):
-    async with on_file(path) as screen:
-        orders = list(screen.session.rows.orders.values())
-        kept = [order.name for order in orders if not order.quantity]
-        measured = [order.name for order in orders if order.quantity]
-        assert kept == ["tree", "name", "added", "unit", "div", "size", "buf"]
-        assert measured == [
-            "state",
-            "value",
-            "|value|",
-            "min",
-            "max",
-            "mean",
-            "std",
-            "noise/median",
-            "rate",
-            "jitter",
-            "changed",
-        ]
-        await screen.press("o")
-        await screen.shows("the other way round")
-        assert "fill" not in screen.text  # how large a buffer was is not in a file
-        await screen.press("u")
-        await screen.until(lambda: screen.session.rows.sort == "unit")
+async def test_sorting_leaves_out_what_files_don_t_tell(screen):
+    orders = list(screen.session.rows.orders.values())
+    kept = [order.name for order in orders if not order.quantity]
+    measured = [order.name for order in orders if order.quantity]
+    assert kept == ["tree", "name", "added", "unit", "div", "size", "buf"]
+    assert measured == [
+        "state",
+        "value",
+        "|value|",
+        "min",
+        "max",
+        "mean",
+        "std",
+        "noise/median",
+        "rate",
+        "jitter",
+        "changed",
+    ]
+    await screen.press("o")
+    await screen.shows("the other way round")
+    assert "fill" not in screen.text  # how large a buffer was is not in a file
+    await screen.press("u")
+    await screen.until(lambda: screen.session.rows.sort == "unit")
 
 
 async def test_all_marked_elements_are_plotted(path, on_file):
@@ -205,31 +207,29 @@ async def test_all_marked_elements_are_plotted(path, on_file):
         assert len(names) == 7
 
 
-async def test_the_cursor_reads_the_value_that_held_and_steps_from_sample_to_sample(path, on_file):
-    async with on_file(path) as screen:
-        await plot(screen, "gait")
-        await screen.shows("(stand … trot)")
-        assert "mean" not in screen.text
-        await screen.shows("= stand")
-        await screen.press("home")
-        await screen.until(lambda: to(screen) == 0)
-        for _ in range(25):
-            await screen.press("right")
-        await screen.until(lambda: 5 < to(screen) < 10, f"walking {to(screen)}")
-        await screen.shows("= walk")
-        await screen.do("home", "next_sample")
-        assert to(screen) == pytest.approx(0.01)
-        await screen.do("next_sample", "previous_sample", "previous_sample")
-        assert to(screen) == 0
-        await screen.do("previous_sample")
-        await screen.shows("first sample")
+async def test_the_cursor_reads_the_value_that_held_and_steps_from_sample_to_sample(screen):
+    await plot(screen, "gait")
+    await screen.shows("(stand … trot)")
+    assert "mean" not in screen.text
+    await screen.shows("= stand")
+    await screen.press("home")
+    await screen.until(lambda: to(screen) == 0)
+    for _ in range(25):
+        await screen.press("right")
+    await screen.until(lambda: 5 < to(screen) < 10, f"walking {to(screen)}")
+    await screen.shows("= walk")
+    await screen.do("home", "next_sample")
+    assert to(screen) == pytest.approx(0.01)
+    await screen.do("next_sample", "previous_sample", "previous_sample")
+    assert to(screen) == 0
+    await screen.do("previous_sample")
+    await screen.shows("first sample")
 
 
-async def test_the_moment_of_the_cursor_has_as_many_decimals_as_tell_samples_apart(path, on_file):
-    async with on_file(path) as screen:
-        await plot(screen, "torque")
-        await screen.press("left", "left", "left")
-        await screen.until(lambda: re.search(r"cursor at 1\d\.\d{3} s", screen.text))
+async def test_the_moment_of_the_cursor_has_as_many_decimals_as_tell_samples_apart(screen):
+    await plot(screen, "torque")
+    await screen.press("left", "left", "left")
+    await screen.until(lambda: re.search(r"cursor at 1\d\.\d{3} s", screen.text))
 
 
 async def test_before_its_curves_are_read_a_plot_has_its_times(path, on_file, monkeypatch):
@@ -251,52 +251,48 @@ async def test_before_its_curves_are_read_a_plot_has_its_times(path, on_file, mo
         await screen.curves()
 
 
-async def test_the_cursor_reads_texts(path, on_file):
-    async with on_file(path) as screen:
-        await plot(screen, "operator")
-        await screen.shows("bob")
-        await screen.press("home")
-        await screen.shows("ann")
+async def test_the_cursor_reads_texts(screen):
+    await plot(screen, "operator")
+    await screen.shows("bob")
+    await screen.press("home")
+    await screen.shows("ann")
 
 
-async def test_before_its_first_sample_a_signal_has_no_value(path, on_file):
-    async with on_file(path) as screen:
-        await plot(screen, "temperature")
-        await screen.shows("= 36.5")
-        await screen.press("home")
-        await screen.shows("= -")
-        await screen.press("plus", "plus")
-        await screen.shows("begins at 10 s")
+async def test_before_its_first_sample_a_signal_has_no_value(screen):
+    await plot(screen, "temperature")
+    await screen.shows("= 36.5")
+    await screen.press("home")
+    await screen.shows("= -")
+    await screen.press("plus", "plus")
+    await screen.shows("begins at 10 s")
 
 
-async def test_home_and_end_jump_to_the_ends_of_the_file_facts_are_of_the_window_and_zero_shows_all(path, on_file):
-    async with on_file(path) as screen:
-        await plot(screen, "torque")
-        await screen.press("plus", "plus", "plus")
-        await screen.press("home")
-        await screen.until(lambda: to(screen) == 0 and monitor(screen).window.cursor is not None)
-        await screen.press("end")
-        await screen.until(lambda: to(screen) == 19.9975 and monitor(screen).window.cursor is not None)
-        await screen.until(lambda: "max 40" not in screen.text)
-        await screen.shows("s shown")
-        await screen.do("all_held")
-        await screen.shows("whole file")
-        await screen.do("drop_plot")  # the last one
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
+async def test_home_and_end_jump_to_the_ends_of_the_file_facts_are_of_the_window_and_zero_shows_all(screen):
+    await plot(screen, "torque")
+    await screen.press("plus", "plus", "plus")
+    await screen.press("home")
+    await screen.until(lambda: to(screen) == 0 and monitor(screen).window.cursor is not None)
+    await screen.press("end")
+    await screen.until(lambda: to(screen) == 19.9975 and monitor(screen).window.cursor is not None)
+    await screen.until(lambda: "max 40" not in screen.text)
+    await screen.shows("s shown")
+    await screen.do("all_held")
+    await screen.shows("whole file")
+    await screen.do("drop_plot")  # the last one
+    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
 
 
-async def test_zooming_keeps_the_cursor_on_its_moment(path, on_file):
-    async with on_file(path) as screen:
-        await plot(screen, "torque")
-        await screen.press("home", "shift+right", "shift+right", "shift+right")
-        before = to(screen)
-        for _ in range(40):
-            await screen.press("plus")
-        await screen.shows("that is the shortest span")
-        assert to(screen) == before
-        assert monitor(screen).window.span_s == 0.001
-        await screen.until(lambda: monitor(screen).stack.store.column_ns < 10_000)
-        await screen.until(lambda: monitor(screen).window.cursor is not None)
+async def test_zooming_keeps_the_cursor_on_its_moment(screen):
+    await plot(screen, "torque")
+    await screen.press("home", "shift+right", "shift+right", "shift+right")
+    before = to(screen)
+    for _ in range(40):
+        await screen.press("plus")
+    await screen.shows("that is the shortest span")
+    assert to(screen) == before
+    assert monitor(screen).window.span_s == 0.001
+    await screen.until(lambda: monitor(screen).stack.store.column_ns < 10_000)
+    await screen.until(lambda: monitor(screen).window.cursor is not None)
 
 
 async def as_far_as_it_goes(screen, key):
@@ -305,37 +301,35 @@ async def as_far_as_it_goes(screen, key):
         await screen.press(key)
 
 
-async def test_a_window_walks_over_the_whole_file_both_ways_and_its_cursor_takes_it_along(path, on_file):
-    async with on_file(path) as screen:
-        await plot(screen, "torque")
-        await screen.press("plus", "plus", "plus", "plus")
-        span_ns = monitor(screen).window.span_ns
-        await as_far_as_it_goes(screen, "pageup")
-        await screen.shows("beginning of the file")
-        source = screen.session.source
-        await screen.until(lambda: abs(monitor(screen).window.paused_end_ns - source.begin_ns - span_ns) < span_ns / 10)
-        stack = monitor(screen).stack
-        await screen.until(lambda: stack.store.first <= source.begin_ns // stack.store.column_ns)
-        await as_far_as_it_goes(screen, "pagedown")
-        await screen.until(lambda: monitor(screen).window.paused_end_ns == source.end_ns)
-        await screen.do("all_held")
-        await screen.press("plus", "plus", "plus", "plus", "plus")
-        for _ in range(30):
-            await screen.press("shift+left")
-        await screen.until(lambda: monitor(screen).window.cursor is not None)
-        assert to(screen) < 19.9975 - monitor(screen).window.span_s
+async def test_a_window_walks_over_the_whole_file_both_ways_and_its_cursor_takes_it_along(screen):
+    await plot(screen, "torque")
+    await screen.press("plus", "plus", "plus", "plus")
+    span_ns = monitor(screen).window.span_ns
+    await as_far_as_it_goes(screen, "pageup")
+    await screen.shows("beginning of the file")
+    source = screen.session.source
+    await screen.until(lambda: abs(monitor(screen).window.paused_end_ns - source.begin_ns - span_ns) < span_ns / 10)
+    stack = monitor(screen).stack
+    await screen.until(lambda: stack.store.first <= source.begin_ns // stack.store.column_ns)
+    await as_far_as_it_goes(screen, "pagedown")
+    await screen.until(lambda: monitor(screen).window.paused_end_ns == source.end_ns)
+    await screen.do("all_held")
+    await screen.press("plus", "plus", "plus", "plus", "plus")
+    for _ in range(30):
+        await screen.press("shift+left")
+    await screen.until(lambda: monitor(screen).window.cursor is not None)
+    assert to(screen) < 19.9975 - monitor(screen).window.span_s
 
 
-async def test_the_detail_plot_counts_time_from_the_start(path, on_file):
-    async with on_file(path) as screen:
-        await plot(screen, "torque")
-        await screen.press("enter")
-        await screen.until(lambda: screen.app.screen.scope == "file_detail")
-        await screen.shows("TIME")
-        await screen.press("plus", "home")
-        await screen.shows("0 … 10 s")
-        await screen.press("escape")
-        await screen.shows("10 s shown")  # the monitor has the window as it was left
+async def test_the_detail_plot_counts_time_from_the_start(screen):
+    await plot(screen, "torque")
+    await screen.press("enter")
+    await screen.until(lambda: screen.app.screen.scope == "file_detail")
+    await screen.shows("TIME")
+    await screen.press("plus", "home")
+    await screen.shows("0 … 10 s")
+    await screen.press("escape")
+    await screen.shows("10 s shown")  # the monitor has the window as it was left
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -357,33 +351,31 @@ def test_no_command_on_a_file_writes():
     assert "whole_file" not in BY_ID  # 0 is all that is held, in files too
 
 
-async def test_keys_that_edit_a_logger_change_nothing_and_say_that_a_file_has_nothing_to_edit(path, on_file):
-    async with on_file(path) as screen:
-        before = screen.session.table.values.copy()
-        for key in "detSu":
-            screen.app.screen.say("")
-            assert "nothing to edit" not in screen.text
-            await screen.press(key)
-            await screen.shows("a saved file: nothing to edit")
-        await screen.press("t", "d", "5", "b", "p", "u", "a", "S", "w", "x")
-        assert not screen.session.table.pending.any()
-        np.testing.assert_array_equal(screen.session.table.values[Field.DIVIDER], before[Field.DIVIDER])
+async def test_keys_that_edit_a_logger_change_nothing_and_say_that_a_file_has_nothing_to_edit(screen):
+    before = screen.session.table.values.copy()
+    for key in "detSu":
+        screen.app.screen.say("")
+        assert "nothing to edit" not in screen.text
+        await screen.press(key)
+        await screen.shows("a saved file: nothing to edit")
+    await screen.press("t", "d", "5", "b", "p", "u", "a", "S", "w", "x")
+    assert not screen.session.table.pending.any()
+    np.testing.assert_array_equal(screen.session.table.values[Field.DIVIDER], before[Field.DIVIDER])
 
 
-async def test_words_are_typed_over_a_file_and_its_plots(path, on_file, tmp_path):
-    async with on_file(path) as screen:
-        await screen.enter(":goto operator")
-        names, rows = screen.session.table.names, screen.session.rows
-        await screen.until(lambda: names[rows.row] == "/log/state/operator", "the element")
-        await screen.enter(":filter torque")
-        await screen.until(lambda: len(rows.shown) == 1, "the filter")
-        await screen.enter(":start")
-        await screen.shows(":start: a saved file: nothing to edit")
-        await screen.press("m", ":")
-        await screen.enter(f"picture {tmp_path}/x.svg")
-        await screen.until((tmp_path / "x.svg").exists, "the picture")
-        await screen.enter(":help")
-        await screen.shows("help of")
+async def test_words_are_typed_over_a_file_and_its_plots(screen, tmp_path):
+    await screen.enter(":goto operator")
+    names, rows = screen.session.table.names, screen.session.rows
+    await screen.until(lambda: names[rows.row] == "/log/state/operator", "the element")
+    await screen.enter(":filter torque")
+    await screen.until(lambda: len(rows.shown) == 1, "the filter")
+    await screen.enter(":start")
+    await screen.shows(":start: a saved file: nothing to edit")
+    await screen.press("m", ":")
+    await screen.enter(f"picture {tmp_path}/x.svg")
+    await screen.until((tmp_path / "x.svg").exists, "the picture")
+    await screen.enter(":help")
+    await screen.shows("help of")
 
 
 async def test_a_damaged_file_says_what_is_missing(path, on_file):
@@ -416,14 +408,13 @@ async def test_an_element_without_samples_says_so(new_finder, screen_of):
         await screen.shows("no samples")
 
 
-async def test_the_end_of_a_long_run_fills_the_window(path, on_file):
-    async with on_file(path) as screen:
-        await plot(screen, "temperature")
-        low = monitor(screen).stack.store.piece("/log/imu/temperature", monitor(screen).stack.store.end, 130).low
-        assert np.isfinite(low).sum() > 60
-        assert monitor(screen).window.span_s < 11
-        await screen.do("enter", "plus", "minus", "all_held", "escape", "all_held")
-        await screen.shows("whole file")
+async def test_the_end_of_a_long_run_fills_the_window(screen):
+    await plot(screen, "temperature")
+    low = monitor(screen).stack.store.piece("/log/imu/temperature", monitor(screen).stack.store.end, 130).low
+    assert np.isfinite(low).sum() > 60
+    assert monitor(screen).window.span_s < 11
+    await screen.do("enter", "plus", "minus", "all_held", "escape", "all_held")
+    await screen.shows("whole file")
 
 
 async def test_the_values_of_the_table_are_those_at_the_cursor(path, on_file):
@@ -483,15 +474,14 @@ async def test_what_lies_between_cursors_is_told_over_time_alone_however_late_it
         await screen.until(lambda: shown.between.display)
 
 
-async def test_the_chosen_plot_stays_on_the_screen_when_the_table_between_cursors_takes_its_room(path, on_file):
-    async with on_file(path) as screen:
-        await screen.do("mark_shown", "plot")
-        await screen.curves()
-        await screen.do("plot_down", "plot_down", "cursor_left", "cursor_b")
-        shown = monitor(screen)
-        await screen.until(lambda: shown.between.display)
-        stack = shown.stack  # it comes a moment after the table
-        await screen.until(lambda: 0 < stack.first <= stack.chosen_panel < stack.first + stack.fitting)
+async def test_the_chosen_plot_stays_on_the_screen_when_the_table_between_cursors_takes_its_room(screen):
+    await screen.do("mark_shown", "plot")
+    await screen.curves()
+    await screen.do("plot_down", "plot_down", "cursor_left", "cursor_b")
+    shown = monitor(screen)
+    await screen.until(lambda: shown.between.display)
+    stack = shown.stack  # it comes a moment after the table
+    await screen.until(lambda: 0 < stack.first <= stack.chosen_panel < stack.first + stack.fitting)
 
 
 async def test_what_lies_between_two_cursors_is_written_alone(path, on_file, tmp_path, monkeypatch):

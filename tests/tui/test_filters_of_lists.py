@@ -41,26 +41,24 @@ async def test_a_logger_is_found_by_the_middle_of_its_name(new_fake, opened):
         assert [one.address for one in shown.shown] == [LONG]
 
 
-async def test_a_value_is_of_the_setting_that_it_was_begun_for_wherever_the_cursor_is(fake, opened):
-    async with opened(fake) as screen:
-        await screen.do("f2", "j", "j", "j", "change_setting", "ctrl+u")
-        await screen.type("2")
-        screen.app.screen.lines.move(0)
-        await screen.press("enter")
-        await screen.shows("rate: 2")
-        assert screen.app.context.settings == Settings(rate=2.0)
+async def test_a_value_is_of_the_setting_that_it_was_begun_for_wherever_the_cursor_is(screen):
+    await screen.do("f2", "j", "j", "j", "change_setting", "ctrl+u")
+    await screen.type("2")
+    screen.app.screen.lines.move(0)
+    await screen.press("enter")
+    await screen.shows("rate: 2")
+    assert screen.app.context.settings == Settings(rate=2.0)
 
 
-async def test_a_key_is_of_the_command_that_it_was_asked_for_wherever_the_cursor_is(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("f2", "/")
-        await screen.type("key filter")
-        await screen.do("enter", "change_setting")
-        await screen.shows("Press the key of filter (Filter)")
-        screen.app.screen_stack[-2].filter_by("key")
-        screen.app.screen_stack[-2].lines.move(0)
-        await screen.press("f")
-        assert screen.app.context.settings.keys == {"filter": "f"}
+async def test_a_key_is_of_the_command_that_it_was_asked_for_wherever_the_cursor_is(screen):
+    await screen.press("f2", "/")
+    await screen.type("key filter")
+    await screen.do("enter", "change_setting")
+    await screen.shows("Press the key of filter (Filter)")
+    screen.app.screen_stack[-2].filter_by("key")
+    screen.app.screen_stack[-2].lines.move(0)
+    await screen.press("f")
+    assert screen.app.context.settings.keys == {"filter": "f"}
 
 
 async def test_a_row_that_is_found_by_a_component_is_told_while_one_types(new_fake, opened):
@@ -74,12 +72,11 @@ async def test_a_row_that_is_found_by_a_component_is_told_while_one_types(new_fa
         assert "by a component" not in screen.text
 
 
-async def test_what_the_first_letter_does_to_the_filter_before_is_told_until_it_is_typed(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("f2")
-        await filtered(screen, "mouse")
-        await screen.press("/")
-        await screen.shows("Type anew, → adds to it")
-        await screen.press("b")
-        assert "Type anew" not in screen.text
-        assert "Enter keeps the filter" in screen.text
+async def test_what_the_first_letter_does_to_the_filter_before_is_told_until_it_is_typed(screen):
+    await screen.press("f2")
+    await filtered(screen, "mouse")
+    await screen.press("/")
+    await screen.shows("Type anew, → adds to it")
+    await screen.press("b")
+    assert "Type anew" not in screen.text
+    assert "Enter keeps the filter" in screen.text

@@ -85,51 +85,50 @@ async def test_the_line_below_tells_of_what_is_near_a_limit_in_words(fake, opene
         assert "near a limit at" not in screen.text
 
 
-async def test_where_nothing_is_near_a_limit_the_table_stays_and_a_key_that_sets_limits_is_named(fake, opened):
-    async with opened(fake.run()) as screen:
-        rows = screen.session.rows
-        await screen.press(*"vc")
-        await screen.enter("/torque")
-        await screen.press(*"ov")
-        await screen.until(lambda: rows.sort == "value")
-        shown = rows.filter.text, rows.sort, screen.app.screen.table.column_set
-        await screen.press(*"vvl")
-        await screen.shows("no signal has limits: e a sets some")
-        assert (rows.filter.text, rows.sort, screen.app.screen.table.column_set) == shown
-        name = next(one.name for one in fake.elements if one.name.endswith("/torque"))
-        status = LimitStatus(name, name, LimitWord.OK, value=9.0, bounds=(None, None, None, 80.0))
-        fake.limit_statuses = [status]
-        await screen.press(*"vvl")
-        await screen.shows("none of 1 signal with limits is within a tenth")
-        await screen.shows("lists them, e a sets more")
-        assert (rows.filter.text, rows.sort, screen.app.screen.table.column_set) == shown
-        fake.limit_statuses = [replace(status, value=79.0)]
-        await screen.press(*"vvl")
-        await screen.shows(": 1 of 72")
-        assert "near a limit at " in screen.text
-        assert (rows.sort, screen.app.screen.table.column_set) == ("limit", shown[2])
-        await screen.press("escape")
-        await screen.until(lambda: rows.filter.text == "torque")
+async def test_where_nothing_is_near_a_limit_the_table_stays_and_a_key_that_sets_limits_is_named(
+    fake, screen, ran_s=12
+):
+    rows = screen.session.rows
+    await screen.press(*"vc")
+    await screen.enter("/torque")
+    await screen.press(*"ov")
+    await screen.until(lambda: rows.sort == "value")
+    shown = rows.filter.text, rows.sort, screen.app.screen.table.column_set
+    await screen.press(*"vvl")
+    await screen.shows("no signal has limits: e a sets some")
+    assert (rows.filter.text, rows.sort, screen.app.screen.table.column_set) == shown
+    name = next(one.name for one in fake.elements if one.name.endswith("/torque"))
+    status = LimitStatus(name, name, LimitWord.OK, value=9.0, bounds=(None, None, None, 80.0))
+    fake.limit_statuses = [status]
+    await screen.press(*"vvl")
+    await screen.shows("none of 1 signal with limits is within a tenth")
+    await screen.shows("lists them, e a sets more")
+    assert (rows.filter.text, rows.sort, screen.app.screen.table.column_set) == shown
+    fake.limit_statuses = [replace(status, value=79.0)]
+    await screen.press(*"vvl")
+    await screen.shows(": 1 of 72")
+    assert "near a limit at " in screen.text
+    assert (rows.sort, screen.app.screen.table.column_set) == ("limit", shown[2])
+    await screen.press("escape")
+    await screen.until(lambda: rows.filter.text == "torque")
 
 
-async def test_the_menu_names_some_views_where_it_leads_to_them(fake, opened):
-    async with opened(fake, size=(80, 24)) as screen:
-        await screen.press("v")
-        await screen.shows("v  Hottest, stuck, …")
-        await screen.press("v")
-        await screen.shows("Look at what?")
+async def test_the_menu_names_some_views_where_it_leads_to_them(screen, size=(80, 24)):
+    await screen.press("v")
+    await screen.shows("v  Hottest, stuck, …")
+    await screen.press("v")
+    await screen.shows("Look at what?")
 
 
 @pytest.mark.parametrize("letter", ["h", "n", "s", "p"])
-async def test_a_view_that_is_there_without_being_kept(fake, opened, letter):
-    async with opened(fake.run()) as screen:
-        await screen.do("view")
-        await screen.shows("Look at what?")
-        await screen.press(letter)
-        preset = next(each for each in BY_NAME.values() if each.letter == letter)
-        await screen.until(lambda: screen.session.rows.sort == preset.layout.sort)
-        await screen.until(lambda: screen.session.rows.filter.text == preset.layout.filter)
-        await screen.shows(f"view {preset.name}")
+async def test_a_view_that_is_there_without_being_kept(letter, screen, ran_s=12):
+    await screen.do("view")
+    await screen.shows("Look at what?")
+    await screen.press(letter)
+    preset = next(each for each in BY_NAME.values() if each.letter == letter)
+    await screen.until(lambda: screen.session.rows.sort == preset.layout.sort)
+    await screen.until(lambda: screen.session.rows.filter.text == preset.layout.filter)
+    await screen.shows(f"view {preset.name}")
 
 
 async def test_what_is_logged_otherwise_than_the_program_began_with_is_told_and_looked_at(fake, opened):
@@ -147,55 +146,51 @@ async def test_what_is_logged_otherwise_than_the_program_began_with_is_told_and_
         await screen.shows("(began as 7)")
 
 
-async def test_a_word_that_is_no_command_is_told_as_it_is_typed_with_the_key_of_what_is_called_so(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press(":", *"hist")
-        await screen.shows("there is no command 'hist'; Histogram is p h")
-        await screen.press("backspace", "backspace", "backspace")
-        await screen.until(lambda: "there is no command" not in screen.text, "a word that goes on")
+async def test_a_word_that_is_no_command_is_told_as_it_is_typed_with_the_key_of_what_is_called_so(screen):
+    await screen.press(":", *"hist")
+    await screen.shows("there is no command 'hist'; Histogram is p h")
+    await screen.press("backspace", "backspace", "backspace")
+    await screen.until(lambda: "there is no command" not in screen.text, "a word that goes on")
 
 
-async def test_what_only_counts_is_no_noise(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.do("view")
-        await screen.shows("Look at what?")
-        await screen.press("n")
-        await screen.shows("view noisiest")
-        shown = {screen.session.table.elements[row].entries[0].dtype[1] for row in screen.session.rows.shown}
-        assert shown == {"f"}
-        assert screen.session.rows.filter.text == "type:f"
-        assert {element.entries[0].dtype[1] for element in screen.session.table.elements} > shown
+async def test_what_only_counts_is_no_noise(screen, ran_s=12):
+    await screen.do("view")
+    await screen.shows("Look at what?")
+    await screen.press("n")
+    await screen.shows("view noisiest")
+    shown = {screen.session.table.elements[row].entries[0].dtype[1] for row in screen.session.rows.shown}
+    assert shown == {"f"}
+    assert screen.session.rows.filter.text == "type:f"
+    assert {element.entries[0].dtype[1] for element in screen.session.table.elements} > shown
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
-async def test_a_view_is_of_all_elements_and_the_bar_names_the_filter_that_esc_goes_back_to(size, fake, opened):
-    async with opened(fake.run(), size=size) as screen:
-        await screen.enter("/torque")
-        torques = len(screen.session.rows.shown)
-        for letter in "sh":  # of several, one after another, the filter of before the first
-            await screen.do("view")
-            await screen.press(letter)
-            await screen.shows("Esc Back to torque")
-        await screen.shows("view hottest")
-        shown = {screen.session.table.elements[row].unit for row in screen.session.rows.shown}
-        assert shown == {"degC"}
-        await screen.press("escape")
-        await screen.shows("Esc No filter")
-        assert len(screen.session.rows.shown) == torques
+async def test_a_view_is_of_all_elements_and_the_bar_names_the_filter_that_esc_goes_back_to(size, screen, ran_s=12):
+    await screen.enter("/torque")
+    torques = len(screen.session.rows.shown)
+    for letter in "sh":  # of several, one after another, the filter of before the first
+        await screen.do("view")
+        await screen.press(letter)
+        await screen.shows("Esc Back to torque")
+    await screen.shows("view hottest")
+    shown = {screen.session.table.elements[row].unit for row in screen.session.rows.shown}
+    assert shown == {"degC"}
+    await screen.press("escape")
+    await screen.shows("Esc No filter")
+    assert len(screen.session.rows.shown) == torques
 
 
-async def test_a_view_that_nothing_passes_says_where_esc_leads(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.enter("/torque")
-        await screen.do("view")
-        await screen.press("e")
-        await screen.shows("No element passes the filter 'edited'")
-        await screen.shows("goes back to 'torque'.")
-        await screen.press("escape", "escape")
-        await screen.do("view")
-        await screen.press("e")
-        await screen.shows("clears it.")
-        await screen.shows("Esc No filter")
+async def test_a_view_that_nothing_passes_says_where_esc_leads(screen, ran_s=12):
+    await screen.enter("/torque")
+    await screen.do("view")
+    await screen.press("e")
+    await screen.shows("No element passes the filter 'edited'")
+    await screen.shows("goes back to 'torque'.")
+    await screen.press("escape", "escape")
+    await screen.do("view")
+    await screen.press("e")
+    await screen.shows("clears it.")
+    await screen.shows("Esc No filter")
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
@@ -236,72 +231,68 @@ async def test_what_stands_still_from_the_first_sample_on_is_seen_below_what_cha
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
-async def test_with_a_filter_the_bar_has_what_stops_the_logger(size, fake, opened):
-    async with opened(fake.run(), size=size) as screen:
-        await screen.enter("/torque")
-        await screen.shows("Esc No filter")
-        assert "S Stop" in screen.text
+async def test_with_a_filter_the_bar_has_what_stops_the_logger(size, screen, ran_s=12):
+    await screen.enter("/torque")
+    await screen.shows("Esc No filter")
+    assert "S Stop" in screen.text
 
 
-async def test_esc_takes_all_of_a_view_back_and_what_was_chosen_since_by_itself(fake, opened):
-    async with opened(fake.run()) as screen:
-        rows, table = screen.session.rows, screen.app.screen.table
-        await screen.enter("/torque")
-        for letter in "nh":  # one after another
-            await screen.do("view")
-            await screen.press(letter)
-        await screen.until(lambda: rows.sort == "value")
-        await screen.shows("view hottest")
-        await screen.press("escape")
-        await screen.until(lambda: (rows.filter.text, rows.sort) == ("torque", "name"))
-        assert table.column_set == "settings"
+async def test_esc_takes_all_of_a_view_back_and_what_was_chosen_since_by_itself(screen, ran_s=12):
+    rows, table = screen.session.rows, screen.app.screen.table
+    await screen.enter("/torque")
+    for letter in "nh":  # one after another
         await screen.do("view")
-        await screen.press("n")
-        await screen.shows("view noisiest")
-        await screen.enter(":sort div")
-        await screen.press("escape")
-        await screen.until(lambda: (rows.filter.text, rows.sort) == ("", "div"))
-        assert table.column_set == "statistics"
+        await screen.press(letter)
+    await screen.until(lambda: rows.sort == "value")
+    await screen.shows("view hottest")
+    await screen.press("escape")
+    await screen.until(lambda: (rows.filter.text, rows.sort) == ("torque", "name"))
+    assert table.column_set == "settings"
+    await screen.do("view")
+    await screen.press("n")
+    await screen.shows("view noisiest")
+    await screen.enter(":sort div")
+    await screen.press("escape")
+    await screen.until(lambda: (rows.filter.text, rows.sort) == ("", "div"))
+    assert table.column_set == "statistics"
 
 
-async def test_the_tour_goes_on_as_its_steps_are_done(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.press("question_mark")
-        await screen.shows("t Tour")
-        await screen.press("t")
-        await screen.shows("tour 1 of 6 (:tour ends it): /, then type torque")
-        await screen.do("settings")  # which has no table
-        await screen.until(lambda: screen.app.screen.scope == "settings", "the settings")
-        await screen.press("escape")
-        await screen.press("slash", *"torque", "enter")
-        await screen.shows("tour 2 of 6")
-        await screen.do("mark", "mark")
-        await screen.shows("tour 3 of 6 (:tour ends it): m plots")
-        await screen.do("monitor")
-        await screen.shows("tour 4 of 6")
-        await screen.do("pause")
-        await screen.shows("tour 5 of 6 (:tour ends it): g h goes back")
-        await screen.do("go_home")
-        await screen.shows("tour 6 of 6 (:tour ends it): e d")
-        await screen.do("edit_divider", "5", "enter")
-        await screen.shows("that was the tour: ? shows all keys, u takes the edit back, g goes")
-        await screen.shows("anywhere")
-        await screen.press("question_mark", "t")
-        await screen.until(lambda: "tour" not in screen.text)
+async def test_the_tour_goes_on_as_its_steps_are_done(screen, ran_s=12):
+    await screen.press("question_mark")
+    await screen.shows("t Tour")
+    await screen.press("t")
+    await screen.shows("tour 1 of 6 (:tour ends it): /, then type torque")
+    await screen.do("settings")  # which has no table
+    await screen.until(lambda: screen.app.screen.scope == "settings", "the settings")
+    await screen.press("escape")
+    await screen.press("slash", *"torque", "enter")
+    await screen.shows("tour 2 of 6")
+    await screen.do("mark", "mark")
+    await screen.shows("tour 3 of 6 (:tour ends it): m plots")
+    await screen.do("monitor")
+    await screen.shows("tour 4 of 6")
+    await screen.do("pause")
+    await screen.shows("tour 5 of 6 (:tour ends it): g h goes back")
+    await screen.do("go_home")
+    await screen.shows("tour 6 of 6 (:tour ends it): e d")
+    await screen.do("edit_divider", "5", "enter")
+    await screen.shows("that was the tour: ? shows all keys, u takes the edit back, g goes")
+    await screen.shows("anywhere")
+    await screen.press("question_mark", "t")
+    await screen.until(lambda: "tour" not in screen.text)
 
 
-async def test_the_tour_begins_at_the_table_and_is_left_as_everything_is(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.do("events")
-        await screen.until(lambda: screen.app.screen.scope == "events", "a list that the first step knows nothing of")
-        await screen.enter(":tour")
-        await screen.shows("tour 1 of 6")
-        assert screen.app.screen.scope == "table"
-        await screen.press("slash", *"torque", "enter", "escape")  # leaves the filter first
-        await screen.shows("tour 2 of 6")
-        await screen.press("escape")
-        await screen.shows("the tour ends; :tour begins it again")
-        await screen.until(lambda: "tour 2" not in screen.text)
+async def test_the_tour_begins_at_the_table_and_is_left_as_everything_is(screen, ran_s=12):
+    await screen.do("events")
+    await screen.until(lambda: screen.app.screen.scope == "events", "a list that the first step knows nothing of")
+    await screen.enter(":tour")
+    await screen.shows("tour 1 of 6")
+    assert screen.app.screen.scope == "table"
+    await screen.press("slash", *"torque", "enter", "escape")  # leaves the filter first
+    await screen.shows("tour 2 of 6")
+    await screen.press("escape")
+    await screen.shows("the tour ends; :tour begins it again")
+    await screen.until(lambda: "tour 2" not in screen.text)
 
 
 @pytest.mark.parametrize(("letter", "quantity", "most"), [("h", "value", 10), ("n", "noise", 10)])
@@ -341,30 +332,28 @@ async def test_the_first_ten_of_a_view_are_ten_and_stand_still_while_one_looks(l
         await screen.until(lambda: len(rows.shown) == rows.passing > most, "all of them")
 
 
-async def test_the_first_ten_of_a_view_are_chosen_anew_where_it_is_asked_for_again(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        rows = screen.session.rows
-        for _ in range(2):
-            before = rows.stood_ns
-            await screen.do("view")
-            await screen.press("h")
-            await screen.until(lambda before=before: rows.stood_ns > before, "the ten of now")
-        await screen.press("escape")
-        await screen.until(lambda: len(rows.shown) == 72, "all of them")
-        assert rows.most == 0
+async def test_the_first_ten_of_a_view_are_chosen_anew_where_it_is_asked_for_again(screen, ran_s=20):
+    rows = screen.session.rows
+    for _ in range(2):
+        before = rows.stood_ns
+        await screen.do("view")
+        await screen.press("h")
+        await screen.until(lambda before=before: rows.stood_ns > before, "the ten of now")
+    await screen.press("escape")
+    await screen.until(lambda: len(rows.shown) == 72, "all of them")
+    assert rows.most == 0
 
 
-async def test_of_what_nothing_is_known_is_no_hottest(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        rows, table = screen.session.rows, screen.session.table
-        rows.sort = "value"
-        rows.set_filter("unit:degC")
-        values = np.full(len(table), np.nan)
-        values[rows.shown[:3]] = 3.0, 5.0, 4.0
-        table.facts = Facts({"value": values, "signs": np.where(np.isnan(values), NOT_FINITE, 0)})
-        rows.show_first(10)
-        rows.refresh()
-        assert values[rows.shown].tolist() == [5.0, 4.0, 3.0]
+async def test_of_what_nothing_is_known_is_no_hottest(screen, ran_s=20):
+    rows, table = screen.session.rows, screen.session.table
+    rows.sort = "value"
+    rows.set_filter("unit:degC")
+    values = np.full(len(table), np.nan)
+    values[rows.shown[:3]] = 3.0, 5.0, 4.0
+    table.facts = Facts({"value": values, "signs": np.where(np.isnan(values), NOT_FINITE, 0)})
+    rows.show_first(10)
+    rows.refresh()
+    assert values[rows.shown].tolist() == [5.0, 4.0, 3.0]
 
 
 async def test_a_table_that_takes_a_thin_link_for_seconds_tells_how_far_it_is(fake, opened):

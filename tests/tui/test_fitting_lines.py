@@ -39,24 +39,22 @@ def test_shorter_words_come_before_none_and_the_last_of_them_stays():
 
 
 @pytest.mark.slow
-async def test_a_filter_hides_neither_what_is_pending_nor_the_key_that_applies_it(fake, opened):
-    async with opened(fake, size=(80, 24)) as screen:
-        await screen.press("*")
-        screen.session.table.edit(range(4), Field.DIVIDER, 7)
-        await screen.press("/")
-        await screen.enter("a_filter_of_many_letters|LF|joints|motors|torques|velocity")
-        screen.app.context.say("what was said last, in a sentence that takes half of the line")
-        await screen.shows("4 pending")
-        assert "a Apply" in screen.text
-        await screen.shows("half of the line")
+async def test_a_filter_hides_neither_what_is_pending_nor_the_key_that_applies_it(screen):
+    await screen.press("*")
+    screen.session.table.edit(range(4), Field.DIVIDER, 7)
+    await screen.press("/")
+    await screen.enter("a_filter_of_many_letters|LF|joints|motors|torques|velocity")
+    screen.app.context.say("what was said last, in a sentence that takes half of the line")
+    await screen.shows("4 pending")
+    assert "a Apply" in screen.text
+    await screen.shows("half of the line")
 
 
 @pytest.mark.slow
-async def test_the_editor_of_a_cell_leaves_the_columns_before_it_in_sight(fake, opened):
-    async with opened(fake, size=(80, 24)) as screen:
-        await screen.do("j", "edit_divider")
-        line = screen.text.split("\n")[2 + screen.session.rows.position]
-        assert "[x]" in line
+async def test_the_editor_of_a_cell_leaves_the_columns_before_it_in_sight(screen):
+    await screen.do("j", "edit_divider")
+    line = screen.text.split("\n")[2 + screen.session.rows.position]
+    assert "[x]" in line
 
 
 @pytest.mark.parametrize(

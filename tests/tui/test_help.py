@@ -140,86 +140,78 @@ def test_every_column_of_the_tables_is_explained():
     assert all(column.title in told for column in COLUMNS)
 
 
-async def test_the_foot_offers_no_enter_for_what_is_only_to_be_read(fake, opened):
-    async with opened(fake, size=(80, 24)) as screen:
-        await screen.press("question_mark", "slash")
-        await screen.enter("news of the robot, and")
-        await screen.shows("‣ 12:51:44 …")
-        await screen.shows("Enter has no use here")
+async def test_the_foot_offers_no_enter_for_what_is_only_to_be_read(screen):
+    await screen.press("question_mark", "slash")
+    await screen.enter("news of the robot, and")
+    await screen.shows("‣ 12:51:44 …")
+    await screen.shows("Enter has no use here")
 
 
-async def test_help_is_searched_and_does_what_was_found(fake, opened):
-    async with opened(fake) as screen:
-        before = screen.value(screen.session.table.names[int(screen.session.rows.shown[0])], Field.ENABLED)
-        await screen.press("question_mark", "slash")
-        await screen.enter("switch logging")
-        await screen.shows('hold "switch logging"')
-        await screen.shows("Enter On/Off  ↑↓ Choose")
-        assert screen.app.screen.is_modal
-        await screen.press("enter")
-        await screen.until(lambda: not screen.app.screen.is_modal)
-        assert screen.value(screen.session.table.names[int(screen.session.rows.shown[0])], Field.ENABLED) != before
+async def test_help_is_searched_and_does_what_was_found(screen):
+    before = screen.value(screen.session.table.names[int(screen.session.rows.shown[0])], Field.ENABLED)
+    await screen.press("question_mark", "slash")
+    await screen.enter("switch logging")
+    await screen.shows('hold "switch logging"')
+    await screen.shows("Enter On/Off  ↑↓ Choose")
+    assert screen.app.screen.is_modal
+    await screen.press("enter")
+    await screen.until(lambda: not screen.app.screen.is_modal)
+    assert screen.value(screen.session.table.names[int(screen.session.rows.shown[0])], Field.ENABLED) != before
 
 
-async def test_what_is_asked_for_by_a_command_from_help_is_answered(fake, opened):
-    async with opened(fake.run(), size=(100, 30)) as screen:
-        await screen.press("question_mark", "slash")
-        await screen.enter("mark the tick", "enter")
-        await screen.shows("Mark this moment")
-        await screen.type("fell")
-        await screen.press("enter")
-        await screen.until(lambda: [call[:2] for call in fake.calls] == [("mark", "fell")])
-        await screen.press("question_mark", "slash")
-        await screen.enter("the screen as a picture")
-        await screen.shows("Enter Picture  ↑↓ Choose")
-        await screen.press("enter")
-        await screen.shows("silo-tui.svg")
+async def test_what_is_asked_for_by_a_command_from_help_is_answered(fake, screen, ran_s=12, size=(100, 30)):
+    await screen.press("question_mark", "slash")
+    await screen.enter("mark the tick", "enter")
+    await screen.shows("Mark this moment")
+    await screen.type("fell")
+    await screen.press("enter")
+    await screen.until(lambda: [call[:2] for call in fake.calls] == [("mark", "fell")])
+    await screen.press("question_mark", "slash")
+    await screen.enter("the screen as a picture")
+    await screen.shows("Enter Picture  ↑↓ Choose")
+    await screen.press("enter")
+    await screen.shows("silo-tui.svg")
 
 
-async def test_the_arrows_choose_among_what_was_found(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("question_mark", "slash")
-        await screen.type("off")
-        await screen.press("up", "down", "enter", "enter")  # the first stays chosen
-        await screen.until(lambda: type(screen.app.screen).__name__ == "ParametersScreen")
+async def test_the_arrows_choose_among_what_was_found(screen):
+    await screen.press("question_mark", "slash")
+    await screen.type("off")
+    await screen.press("up", "down", "enter", "enter")  # the first stays chosen
+    await screen.until(lambda: type(screen.app.screen).__name__ == "ParametersScreen")
 
 
-async def test_what_is_not_on_this_screen_is_found_on_the_others(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("question_mark")
-        await screen.shows("silo help of the table")
-        await screen.press("slash")
-        await screen.type("hold the y scale")
-        await screen.shows("silo help of all screens  1 of")
-        await screen.press("enter", "enter")
-        await screen.until(lambda: not screen.app.screen.is_modal)
-        await screen.shows("it is a key of plots (m)")
+async def test_what_is_not_on_this_screen_is_found_on_the_others(screen):
+    await screen.press("question_mark")
+    await screen.shows("silo help of the table")
+    await screen.press("slash")
+    await screen.type("hold the y scale")
+    await screen.shows("silo help of all screens  1 of")
+    await screen.press("enter", "enter")
+    await screen.until(lambda: not screen.app.screen.is_modal)
+    await screen.shows("it is a key of plots (m)")
 
 
-async def test_tab_shows_all_screens_and_this_one_again(fake, opened):
-    async with opened(fake, size=(160, 50)) as screen:
-        await screen.press("question_mark")
+async def test_tab_shows_all_screens_and_this_one_again(screen, size=(160, 50)):
+    await screen.press("question_mark")
 
-        def is_there():
-            page = " ".join(screen.app.screen.query_one("#help-page").content.plain.split())
-            return "mark or unmark" in page and "amplitudes by" in page
+    def is_there():
+        page = " ".join(screen.app.screen.query_one("#help-page").content.plain.split())
+        return "mark or unmark" in page and "amplitudes by" in page
 
-        assert not is_there()
-        await screen.press("tab")
-        await screen.until(is_there)
-        await screen.press("tab")
-        await screen.until(lambda: not is_there())
-
-
-async def test_letters_are_words_while_they_are_typed(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("question_mark", "slash", "q", "j")
-        assert screen.app.screen.is_modal
-        await screen.shows('hold "qj"')
+    assert not is_there()
+    await screen.press("tab")
+    await screen.until(is_there)
+    await screen.press("tab")
+    await screen.until(lambda: not is_there())
 
 
-async def test_a_command_that_writes_is_refused_from_help_too(fake, opened):
-    async with opened(fake, read_only=True) as screen:
-        await screen.press("question_mark", "slash")
-        await screen.enter("switch logging", "enter")
-        await screen.shows("read-only")
+async def test_letters_are_words_while_they_are_typed(screen):
+    await screen.press("question_mark", "slash", "q", "j")
+    assert screen.app.screen.is_modal
+    await screen.shows('hold "qj"')
+
+
+async def test_a_command_that_writes_is_refused_from_help_too(screen, read_only=True):
+    await screen.press("question_mark", "slash")
+    await screen.enter("switch logging", "enter")
+    await screen.shows("read-only")

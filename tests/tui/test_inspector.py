@@ -362,15 +362,14 @@ def test_only_lines_that_read_differently_are_painted(desk, monkeypatch):
 
 
 @pytest.mark.slow
-async def test_beside_the_inspector_settings_and_names_keep_their_room(fake, opened):
+async def test_beside_the_inspector_settings_and_names_keep_their_room(screen, ran_s=12, size=(160, 50)):
     """What a table of that width shows: on a wide screen statistics beside it took the room of both."""
-    async with opened(fake.run(), size=(160, 50)) as screen:
-        table = screen.app.screen.table
-        assert "mean" in screen.text
-        await screen.do("inspector")
-        await screen.until(lambda: table.laid.width < 120, "a narrower table")
-        assert set(table.field_spans()) == set(Field)
-        assert table.laid.told.names.longest <= table.laid.names, "all names are whole"
+    table = screen.app.screen.table
+    assert "mean" in screen.text
+    await screen.do("inspector")
+    await screen.until(lambda: table.laid.width < 120, "a narrower table")
+    assert set(table.field_spans()) == set(Field)
+    assert table.laid.told.names.longest <= table.laid.names, "all names are whole"
 
 
 @pytest.mark.slow

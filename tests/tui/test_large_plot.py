@@ -44,45 +44,43 @@ def test_the_large_plot_has_the_keys_of_the_monitor():
 
 
 async def test_it_lives_on_a_click_puts_the_cursor_there_and_where_a_moment_is_found_the_monitor_stands_too(
-    fake, opened
+    fake, screen, ran_s=19
 ):
-    async with opened(fake.run(19)) as screen:
-        below = await open_large(screen)
-        await screen.shows("RUNNING")
-        assert screen.text.count("legs/LF/HAA/torque") == 1, "over the curve, and not once more above that"
-        fake.advance(2.0)
-        store = lambda: large(screen).stack.store  # noqa: E731
-        await screen.until(lambda: store().end * store().column_ns >= fake.now_ns, "what came since")
-        await screen.pilot.click("PlotStack", offset=(40, 6))
-        await screen.shows("at cursor")
-        await screen.press("f", "h")
-        await screen.shows("of 3: 40")
-        at_ns = large(screen).window.at_ns
-        assert (at_ns - START_NS) % (4 * 10**9) == 0
-        assert large(screen).window.cursor is not None
-        await screen.press("escape", "escape")
-        await screen.until(lambda: screen.app.screen is below, "the monitor")
-        await screen.shows("PAUSED")
-        await screen.press("space")
-        await screen.until(lambda: not fake.pins, "the pin is let go of")
+    below = await open_large(screen)
+    await screen.shows("RUNNING")
+    assert screen.text.count("legs/LF/HAA/torque") == 1, "over the curve, and not once more above that"
+    fake.advance(2.0)
+    store = lambda: large(screen).stack.store  # noqa: E731
+    await screen.until(lambda: store().end * store().column_ns >= fake.now_ns, "what came since")
+    await screen.pilot.click("PlotStack", offset=(40, 6))
+    await screen.shows("at cursor")
+    await screen.press("f", "h")
+    await screen.shows("of 3: 40")
+    at_ns = large(screen).window.at_ns
+    assert (at_ns - START_NS) % (4 * 10**9) == 0
+    assert large(screen).window.cursor is not None
+    await screen.press("escape", "escape")
+    await screen.until(lambda: screen.app.screen is below, "the monitor")
+    await screen.shows("PAUSED")
+    await screen.press("space")
+    await screen.until(lambda: not fake.pins, "the pin is let go of")
 
 
-async def test_until_the_first_values_are_there_plots_say_that_they_are_loading(fake, opened, monkeypatch):
-    async with opened(fake.run()) as screen:
-        source, come = screen.session.source, asyncio.Event()
-        at_once = source.history
+async def test_until_the_first_values_are_there_plots_say_that_they_are_loading(screen, monkeypatch, ran_s=12):
+    source, come = screen.session.source, asyncio.Event()
+    at_once = source.history
 
-        async def history(*asked):
-            await come.wait()
-            return await at_once(*asked)
+    async def history(*asked):
+        await come.wait()
+        return await at_once(*asked)
 
-        monkeypatch.setattr(source, "history", history)
-        for key in ("m", "enter"):
-            await screen.press(key)
-            await screen.shows("loading …")
-        come.set()
-        await screen.shows("│ live │")
-        await screen.until(lambda: "loading" not in screen.text, "values")
+    monkeypatch.setattr(source, "history", history)
+    for key in ("m", "enter"):
+        await screen.press(key)
+        await screen.shows("loading …")
+    come.set()
+    await screen.shows("│ live │")
+    await screen.until(lambda: "loading" not in screen.text, "values")
 
 
 async def test_it_begins_where_the_monitor_stands(new_fake, opened):
@@ -150,23 +148,22 @@ def dots(screen):
     return sum("\u2800" < char <= "\u28ff" for char in screen.text)
 
 
-async def test_held_beyond_what_there_is_the_large_plot_shows_what_the_small_one_shows(fake, opened):
-    async with opened(fake.run(60.0)) as screen:
-        await screen.press("m")
-        await screen.until(lambda: dots(screen) > 20)
-        for more in (0, 1, 1, 2):  # twice as long, four times, sixteen times
-            await screen.press(*["-"] * more)
-            await screen.until(lambda: dots(screen) > 10)
-            await screen.press("space")
-            await screen.shows("all fetched")
-            await screen.until(lambda: dots(screen) > 10)
-            await screen.press("enter")
-            await screen.until(lambda: screen.app.screen.scope == "detail")
-            await screen.until(lambda: dots(screen) > 10, "curves in the large plot")
-            await screen.press("escape")
-            await screen.until(lambda: screen.app.screen.scope == "monitor")
-            await screen.press("space")
-            await screen.shows("live")
+async def test_held_beyond_what_there_is_the_large_plot_shows_what_the_small_one_shows(screen, ran_s=60.0):
+    await screen.press("m")
+    await screen.until(lambda: dots(screen) > 20)
+    for more in (0, 1, 1, 2):  # twice as long, four times, sixteen times
+        await screen.press(*["-"] * more)
+        await screen.until(lambda: dots(screen) > 10)
+        await screen.press("space")
+        await screen.shows("all fetched")
+        await screen.until(lambda: dots(screen) > 10)
+        await screen.press("enter")
+        await screen.until(lambda: screen.app.screen.scope == "detail")
+        await screen.until(lambda: dots(screen) > 10, "curves in the large plot")
+        await screen.press("escape")
+        await screen.until(lambda: screen.app.screen.scope == "monitor")
+        await screen.press("space")
+        await screen.shows("live")
 
 
 @pytest.mark.parametrize(
@@ -206,11 +203,10 @@ async def test_views_of_one_signal_of_a_vector_say_which_and_name_the_key_of_the
         await screen.until(lambda: "Next of 4" not in screen.text)
 
 
-async def test_a_spectrum_of_a_short_time_says_that_more_seconds_make_it_finer(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_large(screen)
-        await screen.press(*["plus"] * 4, "tab", "tab")
-        await screen.shows("Hz, finer of more seconds: Tab, -")
+async def test_a_spectrum_of_a_short_time_says_that_more_seconds_make_it_finer(screen, ran_s=20):
+    await open_large(screen)
+    await screen.press(*["plus"] * 4, "tab", "tab")
+    await screen.shows("Hz, finer of more seconds: Tab, -")
 
 
 TOLD = {
@@ -262,79 +258,76 @@ async def test_in_an_x_y_plot_signals_are_told_by_their_axis_and_no_letter_says_
         assert "y  /position" in screen.text
 
 
-async def test_what_the_cursor_reads_has_room_on_a_small_screen(fake, opened):
-    async with opened(fake.run(20), size=(80, 24)) as screen:
-        await open_large(screen)
-        await screen.press("tab", "tab")
-        await screen.until(lambda: large(screen)._found.peaks)
-        await screen.press("right")
-        await screen.until(lambda: re.search(r"^ *A \d", screen.text, re.MULTILINE), "its reading")
+async def test_what_the_cursor_reads_has_room_on_a_small_screen(screen, ran_s=20):
+    await open_large(screen)
+    await screen.press("tab", "tab")
+    await screen.until(lambda: large(screen)._found.peaks)
+    await screen.press("right")
+    await screen.until(lambda: re.search(r"^ *A \d", screen.text, re.MULTILINE), "its reading")
+    await screen.press("plus")
+    await screen.until(lambda: "No cursor" in screen.text.splitlines()[-1], "how it goes, where it stays")
+
+
+async def test_in_a_spectrum_find_goes_by_height_the_cursor_reads_peaks_and_zoom_is_by_frequencies(screen, ran_s=20):
+    await open_large(screen)
+    await screen.press("tab", "tab")
+    await screen.until(lambda: large(screen)._found.peaks)
+    await screen.press("f")
+    await screen.shows("Find in the spectrum")
+    await screen.press("h")
+    await screen.shows("peak 1: ")
+    assert not large(screen).window.paused or large(screen).mode == "spectrum"
+    assert "highest" not in screen.text.splitlines()[-2]
+    told = re.search(r"peak 1: (\S+ Hz, \S+)", screen.text)[1]
+    await screen.press("right")
+    await screen.until(lambda: f"A {told}" not in screen.text.splitlines()[-2])
+    await screen.press("left")
+    await screen.shows(f"A {told}")
+    assert screen.text.count(f"A {told}") == 1, "it is told in one place"
+    await screen.press("escape")
+    await screen.until(lambda: " A " not in screen.text, "no cursor")
+    await screen.press("right", "escape", "left")
+    await screen.shows(f"A {told}")  # the first step leads to the highest peak
+    await screen.press("escape")
+    whole_hz, step_hz = large(screen)._found.top_hz, large(screen)._found.spectrum.step_hz
+    assert whole_hz == pytest.approx(200, rel=0.01)
+    span_s, peak = large(screen).window.span_s, large(screen)._found.peaks[0]
+    for halved in range(1, 8):
         await screen.press("plus")
-        await screen.until(lambda: "No cursor" in screen.text.splitlines()[-1], "how it goes, where it stays")
+        await screen.until(lambda: large(screen)._found.top_hz == whole_hz / 2**halved)  # noqa: B023
+        assert large(screen)._found.peaks[0] == peak
+    assert large(screen)._found.spectrum.step_hz == step_hz
+    assert large(screen).window.span_s == span_s
+    await screen.press("right")
+    await screen.shows(f"A {peak.frequency_hz:.1f} Hz")
+    await screen.press("plus")
+    await screen.shows("Hz apart: a longer time has finer ones")
+    await screen.press("minus")
+    await screen.until(lambda: large(screen)._found.top_hz == whole_hz / 2**6)
+    await screen.shows(f"A {peak.frequency_hz:.1f} Hz")  # the cursor stays on its frequency
+    for mode in ("time", "spectrum"):  # where one goes for finer lines
+        large(screen).action_command(f"mode_{mode}")
+        await screen.until(lambda: large(screen).mode == mode)  # noqa: B023
+    await screen.until(lambda: large(screen)._found.top_hz == whole_hz / 2**6, "the frequencies as before")
+    await screen.do("all_held")
+    await screen.until(lambda: large(screen)._found.top_hz == whole_hz)
+    await screen.press("minus")
+    await screen.shows("that is the whole spectrum")
+    await screen.pilot.click("DetailPlot", offset=(AXIS + 1 + 20, 3))
+    await screen.until(lambda: large(screen).plot.cursor == 20)
 
 
-async def test_in_a_spectrum_find_goes_by_height_the_cursor_reads_peaks_and_zoom_is_by_frequencies(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_large(screen)
-        await screen.press("tab", "tab")
-        await screen.until(lambda: large(screen)._found.peaks)
-        await screen.press("f")
-        await screen.shows("Find in the spectrum")
-        await screen.press("h")
-        await screen.shows("peak 1: ")
-        assert not large(screen).window.paused or large(screen).mode == "spectrum"
-        assert "highest" not in screen.text.splitlines()[-2]
-        told = re.search(r"peak 1: (\S+ Hz, \S+)", screen.text)[1]
-        await screen.press("right")
-        await screen.until(lambda: f"A {told}" not in screen.text.splitlines()[-2])
-        await screen.press("left")
-        await screen.shows(f"A {told}")
-        assert screen.text.count(f"A {told}") == 1, "it is told in one place"
-        await screen.press("escape")
-        await screen.until(lambda: " A " not in screen.text, "no cursor")
-        await screen.press("right", "escape", "left")
-        await screen.shows(f"A {told}")  # the first step leads to the highest peak
-        await screen.press("escape")
-        whole_hz, step_hz = large(screen)._found.top_hz, large(screen)._found.spectrum.step_hz
-        assert whole_hz == pytest.approx(200, rel=0.01)
-        span_s, peak = large(screen).window.span_s, large(screen)._found.peaks[0]
-        for halved in range(1, 8):
-            await screen.press("plus")
-            await screen.until(lambda: large(screen)._found.top_hz == whole_hz / 2**halved)  # noqa: B023
-            assert large(screen)._found.peaks[0] == peak
-        assert large(screen)._found.spectrum.step_hz == step_hz
-        assert large(screen).window.span_s == span_s
-        await screen.press("right")
-        await screen.shows(f"A {peak.frequency_hz:.1f} Hz")
-        await screen.press("plus")
-        await screen.shows("Hz apart: a longer time has finer ones")
-        await screen.press("minus")
-        await screen.until(lambda: large(screen)._found.top_hz == whole_hz / 2**6)
-        await screen.shows(f"A {peak.frequency_hz:.1f} Hz")  # the cursor stays on its frequency
-        for mode in ("time", "spectrum"):  # where one goes for finer lines
-            large(screen).action_command(f"mode_{mode}")
-            await screen.until(lambda: large(screen).mode == mode)  # noqa: B023
-        await screen.until(lambda: large(screen)._found.top_hz == whole_hz / 2**6, "the frequencies as before")
-        await screen.do("all_held")
-        await screen.until(lambda: large(screen)._found.top_hz == whole_hz)
-        await screen.press("minus")
-        await screen.shows("that is the whole spectrum")
-        await screen.pilot.click("DetailPlot", offset=(AXIS + 1 + 20, 3))
-        await screen.until(lambda: large(screen).plot.cursor == 20)
-
-
-async def test_each_way_of_drawing_is_there_at_once_from_the_plots_also_from_a_pause(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await screen.enter("/LF/HAA/torque", "m")
-        await screen.curves()
-        plots = screen.app.screen
-        told = [("mode_xy", "it needs two plots"), ("mode_spectrum", "resolution"), ("mode_histogram", "median")]
-        for command, shown in (*told, ("pause", "all fetched"), *told):
-            screen.app.screen.action_command(command)
-            await screen.shows(shown)
-            if screen.app.screen is not plots:
-                await screen.press("escape")
-                await screen.until(lambda: screen.app.screen is plots, "the plots")
+async def test_each_way_of_drawing_is_there_at_once_from_the_plots_also_from_a_pause(screen, ran_s=20):
+    await screen.enter("/LF/HAA/torque", "m")
+    await screen.curves()
+    plots = screen.app.screen
+    told = [("mode_xy", "it needs two plots"), ("mode_spectrum", "resolution"), ("mode_histogram", "median")]
+    for command, shown in (*told, ("pause", "all fetched"), *told):
+        screen.app.screen.action_command(command)
+        await screen.shows(shown)
+        if screen.app.screen is not plots:
+            await screen.press("escape")
+            await screen.until(lambda: screen.app.screen is plots, "the plots")
 
 
 @pytest.mark.parametrize("mode", ["mode_spectrum", "mode_histogram"])
@@ -356,60 +349,58 @@ async def test_what_is_computed_goes_on_with_the_robot_until_it_is_held(fake, op
         assert large(screen)._due_s == 0.0  # nothing was begun for it
 
 
-async def test_a_cursor_is_offered_only_where_one_is_and_the_key_that_led_here_says_that_this_is_it(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_large(screen)
-        await screen.shows("←→ Cursor")
-        await screen.press("enter")
-        await screen.shows("this is the large plot already: Esc leaves it")
-        for keys in (["tab"], ["tab", "tab"]):  # one over the other, a histogram
-            await screen.press(*keys)
-            await screen.until(lambda: "←→" not in screen.text.splitlines()[-1])
-            await screen.press("left")
-            await screen.shows("the cursor is over time and in spectra: Tab leads there")
+async def test_a_cursor_is_offered_only_where_one_is_and_the_key_that_led_here_says_that_this_is_it(screen, ran_s=20):
+    await open_large(screen)
+    await screen.shows("←→ Cursor")
+    await screen.press("enter")
+    await screen.shows("this is the large plot already: Esc leaves it")
+    for keys in (["tab"], ["tab", "tab"]):  # one over the other, a histogram
+        await screen.press(*keys)
+        await screen.until(lambda: "←→" not in screen.text.splitlines()[-1])
+        await screen.press("left")
+        await screen.shows("the cursor is over time and in spectra: Tab leads there")
 
 
-async def test_a_view_that_was_chosen_in_a_large_plot_is_left_by_one_esc_and_the_plot_by_the_next(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        below = await open_large(screen)
-        large(screen).action_command("mode_spectrum")
-        await screen.shows("Esc No spectrum")
-        await screen.press("escape")
-        await screen.until(lambda: large(screen).mode == "time", "the signals over time")
-        await screen.press("tab", "tab", "tab")
-        assert large(screen).mode == "histogram"
-        await screen.press("escape")
-        assert (large(screen).scope, large(screen).mode) == ("detail", "time")
-        await screen.press("escape")
-        assert large(screen) is below
+async def test_a_view_that_was_chosen_in_a_large_plot_is_left_by_one_esc_and_the_plot_by_the_next(screen, ran_s=20):
+    below = await open_large(screen)
+    large(screen).action_command("mode_spectrum")
+    await screen.shows("Esc No spectrum")
+    await screen.press("escape")
+    await screen.until(lambda: large(screen).mode == "time", "the signals over time")
+    await screen.press("tab", "tab", "tab")
+    assert large(screen).mode == "histogram"
+    await screen.press("escape")
+    assert (large(screen).scope, large(screen).mode) == ("detail", "time")
+    await screen.press("escape")
+    assert large(screen) is below
 
 
-async def test_a_large_plot_that_was_opened_as_a_spectrum_is_left_by_one_esc(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await screen.enter("/LF/HAA/torque", "m")
-        await screen.curves()
-        below = screen.app.screen
-        below.action_command("mode_spectrum")
-        await screen.until(lambda: large(screen).scope == "detail", "the spectrum")
-        await screen.press("tab", "escape")
-        assert large(screen).mode == "spectrum"
-        await screen.press("escape")
-        assert large(screen) is below
+async def test_a_large_plot_that_was_opened_as_a_spectrum_is_left_by_one_esc(screen, ran_s=20):
+    await screen.enter("/LF/HAA/torque", "m")
+    await screen.curves()
+    below = screen.app.screen
+    below.action_command("mode_spectrum")
+    await screen.until(lambda: large(screen).scope == "detail", "the spectrum")
+    await screen.press("tab", "escape")
+    assert large(screen).mode == "spectrum"
+    await screen.press("escape")
+    assert large(screen) is below
 
 
-async def test_how_many_signals_a_pattern_added_is_said_and_one_turns_through_all_of_them(fake, opened):
-    async with opened(fake.run(20), size=(160, 30)) as screen:
-        below = await open_large(screen)
-        await screen.press("m")
-        await screen.enter("HFE/*")
-        await screen.until(lambda: len(below.stack.plots) > 2, "all that fit it")
-        added = len(below.stack.plots) - 1
-        assert added > 8
-        await screen.shows(f"added {added} plots: /legs/LF/HFE/")
-        assert f" and {added - 3} more: " in screen.text
-        assert large(screen).plots == below.stack.plots
-        screen.app.screen.action_command("mode_histogram")
-        await screen.shows(f"Next of {added + 1} ")
+async def test_how_many_signals_a_pattern_added_is_said_and_one_turns_through_all_of_them(
+    screen, ran_s=20, size=(160, 30)
+):
+    below = await open_large(screen)
+    await screen.press("m")
+    await screen.enter("HFE/*")
+    await screen.until(lambda: len(below.stack.plots) > 2, "all that fit it")
+    added = len(below.stack.plots) - 1
+    assert added > 8
+    await screen.shows(f"added {added} plots: /legs/LF/HFE/")
+    assert f" and {added - 3} more: " in screen.text
+    assert large(screen).plots == below.stack.plots
+    screen.app.screen.action_command("mode_histogram")
+    await screen.shows(f"Next of {added + 1} ")
 
 
 @pytest.mark.parametrize("mode", ["mode_time", "mode_spectrum"])
@@ -438,13 +429,14 @@ async def test_a_signal_that_is_added_in_it_is_plotted_in_the_monitor_and_comes_
 
 
 @pytest.mark.parametrize("is_large", [False, True])
-async def test_what_is_held_gets_no_other_plots_which_is_told_before_anything_is_typed(fake, opened, is_large):
-    async with opened(fake.run(20), size=(120, 30)) as screen:
-        await open_large(screen)
-        if not is_large:
-            await screen.press("escape")
-        await screen.press("space")
-        await screen.shows("held, all fetched")
-        await screen.press("m")
-        await screen.shows("paused: space goes on, then m adds")
-        assert not screen.app.screen.is_modal
+async def test_what_is_held_gets_no_other_plots_which_is_told_before_anything_is_typed(
+    screen, is_large, ran_s=20, size=(120, 30)
+):
+    await open_large(screen)
+    if not is_large:
+        await screen.press("escape")
+    await screen.press("space")
+    await screen.shows("held, all fetched")
+    await screen.press("m")
+    await screen.shows("paused: space goes on, then m adds")
+    assert not screen.app.screen.is_modal

@@ -143,12 +143,11 @@ async def test_a_screen_that_was_asked_for_as_the_program_ends_is_not_made(opene
 
 
 @pytest.mark.parametrize("turns", range(4))
-async def test_a_line_of_commands_that_is_made_as_the_program_ends_is_told_nothing_of_it(opened, fake, turns):
-    async with opened(fake) as screen:
-        screen.app.begin_command("")
-        for _ in range(turns):
-            await asyncio.sleep(0)
-        screen.app.exit()
+async def test_a_line_of_commands_that_is_made_as_the_program_ends_is_told_nothing_of_it(screen, turns):
+    screen.app.begin_command("")
+    for _ in range(turns):
+        await asyncio.sleep(0)
+    screen.app.exit()
 
 
 async def test_a_screen_that_is_closed_while_it_is_made_is_told_nothing_of_it(opened, fake, tmp_path, monkeypatch):
@@ -243,97 +242,90 @@ async def test_a_list_that_goes_does_no_key_that_still_reaches_it(opened, fake, 
         assert not screen.app.unforeseen.errors
 
 
-async def test_what_is_behind_a_dialog_is_drawn_as_textual_draws_it_and_once_a_second(opened, fake, monkeypatch):
-    async with opened(fake) as screen:
-        table = screen.app.screen
-        await screen.press("question_mark")
-        tint = Color(10, 20, 30, 0.5)
-        base = Style(Color(1, 2, 3), Color(4, 5, 6), bold=True)
-        mine = Behind(table, tint).render_strips(80, 24, base, None)
-        theirs = RichVisual(table, BackgroundScreen(table, tint)).render_strips(80, 24, base, None)
-        assert [Strip(one).simplify() for one in mine] == [Strip(one).simplify() for one in theirs]
-        assert len({style for strip in mine for _, style, _ in strip}) > 3
+async def test_what_is_behind_a_dialog_is_drawn_as_textual_draws_it_and_once_a_second(screen, monkeypatch):
+    table = screen.app.screen
+    await screen.press("question_mark")
+    tint = Color(10, 20, 30, 0.5)
+    base = Style(Color(1, 2, 3), Color(4, 5, 6), bold=True)
+    mine = Behind(table, tint).render_strips(80, 24, base, None)
+    theirs = RichVisual(table, BackgroundScreen(table, tint)).render_strips(80, 24, base, None)
+    assert [Strip(one).simplify() for one in mine] == [Strip(one).simplify() for one in theirs]
+    assert len({style for strip in mine for _, style, _ in strip}) > 3
 
-        drawn, now = [], [100.0]
-        table._shone_s = -math.inf
-        monkeypatch.setattr(modal, "BEHIND_S", 1.0)
-        monkeypatch.setattr(time, "monotonic", lambda: now[0])
-        monkeypatch.setattr(TextualScreen, "_compositor_refresh", lambda one: drawn.append((one, now[0])))
-        monkeypatch.setattr(
-            type(table), "set_timer", lambda one, wait_s, do: drawn.append((do, wait_s)) or SimpleNamespace(stop=int)
-        )
-        for now_s in (100.0, 100.4, 100.9, 101.0):
-            now[0] = now_s
-            table._compositor_refresh()
-        assert drawn[0] == (table, 100.0)
-        assert [round(wait_s, 3) for do, wait_s in drawn[1:3] if do == table._compositor_refresh] == [0.6, 0.1]
-        assert drawn[3:] == [(table, 101.0)]
-        screen.app.pop_screen()
-        table._compositor_refresh()  # in front it is drawn whenever something changes
-        assert drawn[-1] == (table, 101.0)
-        assert len(drawn) == 5
-        monkeypatch.undo()
-
-
-async def test_who_quits_without_applying_sees_what_it_is_about_and_is_told_what_becomes_of_robot_and_data(
-    opened, fake
-):
-    async with opened(fake) as screen:
-        await screen.press("t")
-        for is_demo, words in ((True, "The demo robot ends"), (False, "The logger goes on")):
-            screen.app.context.has_demo = lambda is_demo=is_demo: is_demo
-            await screen.press("q")
-            for shown in ("Quit without applying?", words, "/base/position"):
-                await screen.shows(shown)
-            await screen.press("escape")
-        screen.session.take_status(structs.replace(screen.session.status, state=State.DEAD))
-        left = SavedFile("/l/a.silo", FileType.SILO, 1)
-        for files, words in (([left], "its data is in /l/a.silo."), ([], "would be lost. The robot program is")):
-            screen.session.left_files = files
-            await screen.press("q")
-            await screen.shows(words)
-            await screen.press("escape")
+    drawn, now = [], [100.0]
+    table._shone_s = -math.inf
+    monkeypatch.setattr(modal, "BEHIND_S", 1.0)
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(TextualScreen, "_compositor_refresh", lambda one: drawn.append((one, now[0])))
+    monkeypatch.setattr(
+        type(table), "set_timer", lambda one, wait_s, do: drawn.append((do, wait_s)) or SimpleNamespace(stop=int)
+    )
+    for now_s in (100.0, 100.4, 100.9, 101.0):
+        now[0] = now_s
+        table._compositor_refresh()
+    assert drawn[0] == (table, 100.0)
+    assert [round(wait_s, 3) for do, wait_s in drawn[1:3] if do == table._compositor_refresh] == [0.6, 0.1]
+    assert drawn[3:] == [(table, 101.0)]
+    screen.app.pop_screen()
+    table._compositor_refresh()  # in front it is drawn whenever something changes
+    assert drawn[-1] == (table, 101.0)
+    assert len(drawn) == 5
+    monkeypatch.undo()
 
 
-async def test_who_leaves_is_told_in_the_terminal_how_the_robot_is_left(opened, fake):
-    async with opened(fake) as screen:
-        session = screen.session
-        name, status = session.name, session.status
-        session.take_status(structs.replace(status, state=State.RUNNING, recorders=2))
-        assert left_words(session) == f"{name} logs on, 2 recordings with it"
-        stopped = structs.replace(status, state=State.STOPPED, ticks=9, before_ticks=3, saved=False)
-        session.take_status(stopped)
-        assert left_words(session) == f"{name} is stopped, and 12 ticks stand in no file: `silo save {name}`"
-        session.take_status(structs.replace(stopped, saved=True))
-        assert screen.app.release() == f"{name} is stopped"
-        screen.app.context.has_demo = lambda: True  # which ends with the app, and says so itself
-        assert screen.app.release() == ""
-        session.take_status(structs.replace(stopped, state=State.DEAD))
-        session.left_files = [SavedFile("/l/a.silo", FileType.SILO, 1)]
-        assert screen.app.release() == f"{name} is dead: /l/a.silo"
+async def test_who_quits_without_applying_sees_what_it_is_about_and_is_told_what_becomes_of_robot_and_data(screen):
+    await screen.press("t")
+    for is_demo, words in ((True, "The demo robot ends"), (False, "The logger goes on")):
+        screen.app.context.has_demo = lambda is_demo=is_demo: is_demo
+        await screen.press("q")
+        for shown in ("Quit without applying?", words, "/base/position"):
+            await screen.shows(shown)
+        await screen.press("escape")
+    screen.session.take_status(structs.replace(screen.session.status, state=State.DEAD))
+    left = SavedFile("/l/a.silo", FileType.SILO, 1)
+    for files, words in (([left], "its data is in /l/a.silo."), ([], "would be lost. The robot program is")):
+        screen.session.left_files = files
+        await screen.press("q")
+        await screen.shows(words)
+        await screen.press("escape")
 
 
-async def test_work_that_is_overtaken_before_it_began_leaves_no_warning(fake, opened):
-    async with opened(fake) as screen:
-        with warnings.catch_warnings(record=True) as told:
-            warnings.simplefilter("always")
-            screen.app.context.script_names = ()
-            screen.app.context.learn_scripts()
-            screen.app.context.learn_scripts()
-            await screen.until(lambda: screen.app.context.script_names, "the second one's answer")
-            gc.collect()
-        assert [str(one.message) for one in told if "never awaited" in str(one.message)] == []
+async def test_who_leaves_is_told_in_the_terminal_how_the_robot_is_left(screen):
+    session = screen.session
+    name, status = session.name, session.status
+    session.take_status(structs.replace(status, state=State.RUNNING, recorders=2))
+    assert left_words(session) == f"{name} logs on, 2 recordings with it"
+    stopped = structs.replace(status, state=State.STOPPED, ticks=9, before_ticks=3, saved=False)
+    session.take_status(stopped)
+    assert left_words(session) == f"{name} is stopped, and 12 ticks stand in no file: `silo save {name}`"
+    session.take_status(structs.replace(stopped, saved=True))
+    assert screen.app.release() == f"{name} is stopped"
+    screen.app.context.has_demo = lambda: True  # which ends with the app, and says so itself
+    assert screen.app.release() == ""
+    session.take_status(structs.replace(stopped, state=State.DEAD))
+    session.left_files = [SavedFile("/l/a.silo", FileType.SILO, 1)]
+    assert screen.app.release() == f"{name} is dead: /l/a.silo"
+
+
+async def test_work_that_is_overtaken_before_it_began_leaves_no_warning(screen):
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        screen.app.context.script_names = ()
+        screen.app.context.learn_scripts()
+        screen.app.context.learn_scripts()
+        await screen.until(lambda: screen.app.context.script_names, "the second one's answer")
+        gc.collect()
+    assert [str(one.message) for one in told if "never awaited" in str(one.message)] == []
 
 
 @pytest.mark.parametrize(("keys", "asked", "closes"), [("S", "Stop logging?", True), ("tq", "Quit without", False)])
-async def test_a_question_to_a_robot_that_died_closes_and_says_so(keys, asked, closes, fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.press(*keys)
-        await screen.shows(asked)
-        fake.state, fake.reason = State.DEAD, "it was killed by SIGSEGV"
-        fake.publish(EventKind.CRASHED, fake.reason)
-        await screen.shows("robot died: it was killed by SIGSEGV")
-        if closes:
-            await screen.until(lambda: not screen.app.screen.is_modal, "the question is closed")
-            await screen.shows("the robot program is gone: start it again")
-        assert (asked in screen.text) is not closes
+async def test_a_question_to_a_robot_that_died_closes_and_says_so(keys, asked, closes, fake, screen, ran_s=12):
+    await screen.press(*keys)
+    await screen.shows(asked)
+    fake.state, fake.reason = State.DEAD, "it was killed by SIGSEGV"
+    fake.publish(EventKind.CRASHED, fake.reason)
+    await screen.shows("robot died: it was killed by SIGSEGV")
+    if closes:
+        await screen.until(lambda: not screen.app.screen.is_modal, "the question is closed")
+        await screen.shows("the robot program is gone: start it again")
+    assert (asked in screen.text) is not closes

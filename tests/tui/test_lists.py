@@ -72,18 +72,17 @@ def test_marks_and_range_of_lines_that_are_gone_are_forgotten():
 
 
 @pytest.mark.slow
-async def test_the_large_plot_steps_through_its_signals(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await screen.enter("/LF torque", "*", "m")
-        await screen.curves()
-        await screen.press("g", "enter")
-        await screen.until(lambda: screen.app.screen.scope == "detail", "the large plot")
-        first = lambda: screen.app.screen.plots[0].name.split("/")[-2]  # noqa: E731
-        assert first() == "HAA"
-        for key, joint in (("j", "HFE"), ("j", "KFE"), ("j", "HAA"), ("k", "KFE"), ("g", "HAA"), ("G", "KFE")):
-            await screen.press(key)
-            assert first() == joint, key
-        await screen.shows("LF/KFE/torque")
+async def test_the_large_plot_steps_through_its_signals(screen, ran_s=20):
+    await screen.enter("/LF torque", "*", "m")
+    await screen.curves()
+    await screen.press("g", "enter")
+    await screen.until(lambda: screen.app.screen.scope == "detail", "the large plot")
+    first = lambda: screen.app.screen.plots[0].name.split("/")[-2]  # noqa: E731
+    assert first() == "HAA"
+    for key, joint in (("j", "HFE"), ("j", "KFE"), ("j", "HAA"), ("k", "KFE"), ("g", "HAA"), ("G", "KFE")):
+        await screen.press(key)
+        assert first() == joint, key
+    await screen.shows("LF/KFE/torque")
 
 
 @pytest.mark.slow

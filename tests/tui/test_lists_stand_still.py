@@ -75,40 +75,38 @@ def test_each_list_whose_lines_come_and_go_has_its_case():
     }  # whose lines never change
 
 
-async def test_new_lines_never_move_what_is_under_the_cursor(fake, opened, monkeypatch):
-    async with opened(fake) as screen:
-        for kind, (make, line, _) in LISTS.items():
-            there = list(range(100, 200, 2))
-            monkeypatch.setattr(kind, "all", property(lambda self, line=line, there=there: [line(at) for at in there]))
-            shown = make(screen.session)
-            screen.app.push_screen(shown)
-            await screen.until(lambda shown=shown: shown.is_there and len(shown.shown) == 50, "the lines")
-            for order in shown.orders:
-                shown._by(order.name)
-                shown.move(20)
-                await screen.pilot.pause()
-                key, row = shown.chosen_key, shown.lines.highlighted - shown.lines.scroll_offset.y
-                for new in ([90, 92], [300, 302], [121, 141, 161]):
-                    there[:] = sorted({*there, *new})
-                    shown.show()
-                    await screen.pilot.pause()
-                    now = shown.chosen_key, shown.lines.highlighted - shown.lines.scroll_offset.y
-                    assert now == (key, row), (kind, order)
-                there[:] = range(100, 200, 2)
+async def test_new_lines_never_move_what_is_under_the_cursor(screen, monkeypatch):
+    for kind, (make, line, _) in LISTS.items():
+        there = list(range(100, 200, 2))
+        monkeypatch.setattr(kind, "all", property(lambda self, line=line, there=there: [line(at) for at in there]))
+        shown = make(screen.session)
+        screen.app.push_screen(shown)
+        await screen.until(lambda shown=shown: shown.is_there and len(shown.shown) == 50, "the lines")
+        for order in shown.orders:
+            shown._by(order.name)
+            shown.move(20)
+            await screen.pilot.pause()
+            key, row = shown.chosen_key, shown.lines.highlighted - shown.lines.scroll_offset.y
+            for new in ([90, 92], [300, 302], [121, 141, 161]):
+                there[:] = sorted({*there, *new})
                 shown.show()
-            await screen.leave()
+                await screen.pilot.pause()
+                now = shown.chosen_key, shown.lines.highlighted - shown.lines.scroll_offset.y
+                assert now == (key, row), (kind, order)
+            there[:] = range(100, 200, 2)
+            shown.show()
+        await screen.leave()
 
 
-async def test_keys_typed_before_a_list_is_there_move_in_it_and_not_below(fake, opened, monkeypatch):
-    async with opened(fake) as screen:
-        for kind, (_, line, keys) in LISTS.items():
-            monkeypatch.setattr(kind, "all", property(lambda self, line=line: [line(at) for at in range(100, 150)]))
-            burst(screen, f"{keys} down down")
-            await screen.until(lambda kind=kind: type(screen.app.screen) is kind and screen.app.gate.free, "the list")
-            await screen.until(lambda: screen.app.screen.lines.highlighted == 2, f"the third line of {kind}")
-            assert screen.session.rows.position == 0, kind
-            await screen.do("go_home")
-            await screen.until(lambda: screen.app.screen.scope == "table", "the table")
+async def test_keys_typed_before_a_list_is_there_move_in_it_and_not_below(screen, monkeypatch):
+    for kind, (_, line, keys) in LISTS.items():
+        monkeypatch.setattr(kind, "all", property(lambda self, line=line: [line(at) for at in range(100, 150)]))
+        burst(screen, f"{keys} down down")
+        await screen.until(lambda kind=kind: type(screen.app.screen) is kind and screen.app.gate.free, "the list")
+        await screen.until(lambda: screen.app.screen.lines.highlighted == 2, f"the third line of {kind}")
+        assert screen.session.rows.position == 0, kind
+        await screen.do("go_home")
+        await screen.until(lambda: screen.app.screen.scope == "table", "the table")
 
 
 async def test_lines_stand_as_they_were_seen_whatever_becomes_of_them(fake, opened, monkeypatch):
@@ -143,10 +141,9 @@ async def test_lines_stand_as_they_were_seen_whatever_becomes_of_them(fake, open
         assert shown.shown_keys[0] == "/log/x2"
 
 
-async def test_the_key_that_orders_loggers_anew_is_named(fake, opened):
-    async with opened(fake) as screen:
-        await screen.do("loggers")
-        await screen.until(lambda: screen.app.screen.scope == "loggers", "the list")
-        screen.app.screen._stands_otherwise = True
-        screen.app.screen.show_words()
-        await screen.shows("^l orders anew")
+async def test_the_key_that_orders_loggers_anew_is_named(screen):
+    await screen.do("loggers")
+    await screen.until(lambda: screen.app.screen.scope == "loggers", "the list")
+    screen.app.screen._stands_otherwise = True
+    screen.app.screen.show_words()
+    await screen.shows("^l orders anew")

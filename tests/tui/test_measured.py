@@ -84,39 +84,39 @@ async def test_an_order_is_two_keys_by_value_it_goes_to_the_largest_by_name_it_l
         assert screen.session.rows.position > 0
 
 
-async def test_what_rows_are_ordered_by_has_a_column_whatever_the_columns_are(fake, opened):
-    async with opened(fake.run(), size=(80, 24)) as screen:
-        for order in ("std", "fill", "jitter", "div"):
-            screen.app.screen.show_set("statistics" if order == "div" else "settings")
-            assert f"↓{order}" not in screen.text
-            screen.app.screen._order_by(order)
-            await screen.shows(f"↓{order}")
-            screen.app.screen._order_by("tree")
-            await screen.until(lambda order=order: f"↓{order}" not in screen.text)
+async def test_what_rows_are_ordered_by_has_a_column_whatever_the_columns_are(screen, ran_s=12, size=(80, 24)):
+    for order in ("std", "fill", "jitter", "div"):
+        screen.app.screen.show_set("statistics" if order == "div" else "settings")
+        assert f"↓{order}" not in screen.text
+        screen.app.screen._order_by(order)
+        await screen.shows(f"↓{order}")
+        screen.app.screen._order_by("tree")
+        await screen.until(lambda order=order: f"↓{order}" not in screen.text)
 
 
-async def test_rows_stand_still_for_three_seconds_after_a_key_and_the_cursor_on_its_element_or_at_the_top(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.press("o", "v")
-        rows, table = screen.session.rows, screen.session.table
-        await screen.until(lambda: table.facts.of("value", len(table)) is not None)
-        await screen.press("j", "j")
-        await screen.shows("by value ↓ (stands still 3 s after a key); o l: by name")
-        element, order = rows.row, list(rows.shown)
-        fake.facts = {"value": {table.names[row]: float(place) for place, row in enumerate(order)}}
-        top = screen.app.screen
-        await screen.until(lambda: table.facts.of("value", len(table))[order[-1]] == len(order) - 1)
-        assert list(rows.shown) == order
-        top._typed_s -= 10
-        await screen.until(lambda: list(rows.shown) == order[::-1], "the new order")
-        assert rows.row == element
-        await screen.press("home", "j", "k")
-        order = list(rows.shown)
-        fake.facts = {"value": {table.names[row]: float(place) for place, row in enumerate(order)}}
-        await screen.until(lambda: table.facts.of("value", len(table))[order[-1]] == len(order) - 1)
-        screen.app.screen._typed_s -= 10
-        await screen.until(lambda: list(rows.shown) == order[::-1], "the new order")
-        assert rows.position == 0
+async def test_rows_stand_still_for_three_seconds_after_a_key_and_the_cursor_on_its_element_or_at_the_top(
+    fake, screen, ran_s=12
+):
+    await screen.press("o", "v")
+    rows, table = screen.session.rows, screen.session.table
+    await screen.until(lambda: table.facts.of("value", len(table)) is not None)
+    await screen.press("j", "j")
+    await screen.shows("by value ↓ (stands still 3 s after a key); o l: by name")
+    element, order = rows.row, list(rows.shown)
+    fake.facts = {"value": {table.names[row]: float(place) for place, row in enumerate(order)}}
+    top = screen.app.screen
+    await screen.until(lambda: table.facts.of("value", len(table))[order[-1]] == len(order) - 1)
+    assert list(rows.shown) == order
+    top._typed_s -= 10
+    await screen.until(lambda: list(rows.shown) == order[::-1], "the new order")
+    assert rows.row == element
+    await screen.press("home", "j", "k")
+    order = list(rows.shown)
+    fake.facts = {"value": {table.names[row]: float(place) for place, row in enumerate(order)}}
+    await screen.until(lambda: table.facts.of("value", len(table))[order[-1]] == len(order) - 1)
+    screen.app.screen._typed_s -= 10
+    await screen.until(lambda: list(rows.shown) == order[::-1], "the new order")
+    assert rows.position == 0
 
 
 async def test_a_measured_filter_is_judged_by_itself(fake, opened):
@@ -202,81 +202,76 @@ async def test_alarm_is_a_filter_and_worst_first_begins_with_what_is_beyond_a_re
         await screen.until(lambda: " LL " in next(iter(lines_with(screen, "/imu/temperature")), ""), "its sign")
 
 
-async def test_n_steps_through_norm_and_entries_of_a_vector_and_statistics_of_the_norm_are_marked(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.enter(":goto imu/acceleration", "n")
-        await screen.shows("norm ")
-        await screen.press("n", "n")
-        await screen.shows(" y ")
-        await screen.press("n", "n")
-        await screen.enter("/imu/acceleration", "C")
-        await screen.shows("mean")
-        await screen.press("n")
-        await screen.until(lambda: any("norm " in line for line in screen.text.splitlines()[2:-3]), "the norm, marked")
+async def test_n_steps_through_norm_and_entries_of_a_vector_and_statistics_of_the_norm_are_marked(screen, ran_s=12):
+    await screen.enter(":goto imu/acceleration", "n")
+    await screen.shows("norm ")
+    await screen.press("n", "n")
+    await screen.shows(" y ")
+    await screen.press("n", "n")
+    await screen.enter("/imu/acceleration", "C")
+    await screen.shows("mean")
+    await screen.press("n")
+    await screen.until(lambda: any("norm " in line for line in screen.text.splitlines()[2:-3]), "the norm, marked")
 
 
-async def test_zero_begins_the_statistics_anew_and_since_when_they_are_stands_below_them(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.until(lambda: screen.session.table.facts.since_ns == fake.since_ns > 0)
-        fake.advance(30)
-        await screen.press("Z")
-        await screen.until(lambda: screen.session.table.facts.since_ns == fake.now_ns)
-        assert "statistics since" not in screen.text, "none are shown"
-        await screen.press("C")
-        screen.app.screen.info.give_way()  # what the set of columns said
-        fake.since_ns = fake.now_ns - 720 * 10**9
-        await screen.shows(f"statistics since {wall_clock(fake.since_ns)}")
-        head = screen.text.splitlines()[1].split()
-        assert {"min", "max", "mean", "std"} <= set(head), f"one word for when they begin, below them: {head}"
+async def test_zero_begins_the_statistics_anew_and_since_when_they_are_stands_below_them(fake, screen, ran_s=12):
+    await screen.until(lambda: screen.session.table.facts.since_ns == fake.since_ns > 0)
+    fake.advance(30)
+    await screen.press("Z")
+    await screen.until(lambda: screen.session.table.facts.since_ns == fake.now_ns)
+    assert "statistics since" not in screen.text, "none are shown"
+    await screen.press("C")
+    screen.app.screen.info.give_way()  # what the set of columns said
+    fake.since_ns = fake.now_ns - 720 * 10**9
+    await screen.shows(f"statistics since {wall_clock(fake.since_ns)}")
+    head = screen.text.splitlines()[1].split()
+    assert {"min", "max", "mean", "std"} <= set(head), f"one word for when they begin, below them: {head}"
 
 
-async def test_the_inspector_gives_way_first_comes_by_i_and_has_the_value_of_its_row_beside_statistics(fake, opened):
-    async with opened(fake.run(), size=(160, 50)) as screen:
-        assert not screen.app.screen.inspector.display
-        await screen.press("i")
-        assert screen.app.screen.inspector.display
-        await screen.press("i")
-        await screen.enter(f":goto {TORQUE}")
-        screen.app.screen.show_set("statistics")
-        fake.facts = {"value": {TORQUE: 1234.5}}
-        await screen.do("inspector")
-        await screen.until(lambda: screen.text.count("1234.5") == 2)  # in the row, and beside it
+async def test_the_inspector_gives_way_first_comes_by_i_and_has_the_value_of_its_row_beside_statistics(
+    fake, screen, ran_s=12, size=(160, 50)
+):
+    assert not screen.app.screen.inspector.display
+    await screen.press("i")
+    assert screen.app.screen.inspector.display
+    await screen.press("i")
+    await screen.enter(f":goto {TORQUE}")
+    screen.app.screen.show_set("statistics")
+    fake.facts = {"value": {TORQUE: 1234.5}}
+    await screen.do("inspector")
+    await screen.until(lambda: screen.text.count("1234.5") == 2)  # in the row, and beside it
 
 
 @pytest.mark.parametrize("size", [(80, 24), (60, 20), (109, 30)])
 async def test_a_narrow_screen_has_the_inspector_below_the_table_with_values_and_plots_beside_the_facts(
-    size, fake, opened
+    size, screen, ran_s=20
 ):
-    async with opened(fake.run(20), size=size) as screen:
-        await screen.press("G", "i")
-        below = screen.app.screen.inspector
-        await screen.until(lambda: below.region.y == screen.app.screen.table.region.bottom, "the inspector below")
-        assert (below.region.x, below.region.width) == (0, size[0])
-        assert below.region.bottom == size[1] - 2  # above the message and the keys
-        last = screen.session.table.elements[screen.session.rows.row]
-        # the row under the cursor is still to be seen, and what it is stands below
-        shown = [screen.session.short_name(last.name), "divider ", "size ", "4000", "held "]
-        await screen.until(lambda: all(words in screen.text for words in shown), "the facts")
-        await screen.until(lambda: sum(shown[0] in line for line in screen.text.splitlines()) == 2, "row and facts")
-        await screen.enter("//imu/acceleration")
-        for words in ("vector 3 f8 [m/s2]", "x ", "y ", "z ", "which holds  10 s at 400 Hz"):
-            await screen.shows(words)
-        await screen.until(
-            lambda: re.search(r"(vector 3 f8 .*|logging +on) +x ", screen.text), "an entry beside the facts"
-        )
-        if size[1] >= 24:
-            await screen.until(lambda: set("⣿⡇⢸⠉⣀⠃⠘") & set(screen.text), "a plot")
-        await screen.press("i")
-        await screen.until(lambda: "held " not in screen.text, "the table alone")
+    await screen.press("G", "i")
+    below = screen.app.screen.inspector
+    await screen.until(lambda: below.region.y == screen.app.screen.table.region.bottom, "the inspector below")
+    assert (below.region.x, below.region.width) == (0, size[0])
+    assert below.region.bottom == size[1] - 2  # above the message and the keys
+    last = screen.session.table.elements[screen.session.rows.row]
+    # the row under the cursor is still to be seen, and what it is stands below
+    shown = [screen.session.short_name(last.name), "divider ", "size ", "4000", "held "]
+    await screen.until(lambda: all(words in screen.text for words in shown), "the facts")
+    await screen.until(lambda: sum(shown[0] in line for line in screen.text.splitlines()) == 2, "row and facts")
+    await screen.enter("//imu/acceleration")
+    for words in ("vector 3 f8 [m/s2]", "x ", "y ", "z ", "which holds  10 s at 400 Hz"):
+        await screen.shows(words)
+    await screen.until(lambda: re.search(r"(vector 3 f8 .*|logging +on) +x ", screen.text), "an entry beside the facts")
+    if size[1] >= 24:
+        await screen.until(lambda: set("⣿⡇⢸⠉⣀⠃⠘") & set(screen.text), "a plot")
+    await screen.press("i")
+    await screen.until(lambda: "held " not in screen.text, "the table alone")
 
 
-async def test_a_table_that_grows_wide_has_the_inspector_beside_it_again(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("i")
-        inspector, table = screen.app.screen.inspector, screen.app.screen.table
-        await screen.until(lambda: inspector.region.y == table.region.bottom, "below")
-        await screen.pilot.resize_terminal(160, 50)
-        await screen.until(lambda: inspector.region.x > table.region.x and inspector.region.y < 3, "beside")
+async def test_a_table_that_grows_wide_has_the_inspector_beside_it_again(screen):
+    await screen.press("i")
+    inspector, table = screen.app.screen.inspector, screen.app.screen.table
+    await screen.until(lambda: inspector.region.y == table.region.bottom, "below")
+    await screen.pilot.resize_terminal(160, 50)
+    await screen.until(lambda: inspector.region.x > table.region.x and inspector.region.y < 3, "beside")
 
 
 async def test_statistics_that_the_table_shows_are_kept_while_plots_are_looked_at(fake, opened, monkeypatch):
@@ -330,12 +325,11 @@ async def test_statistics_of_an_enumeration_are_its_labels(fake, opened):
         assert line.split().count("-") >= 2
 
 
-async def test_a_message_leaves_the_count_of_the_filter_beside_it(fake, opened):
-    async with opened(fake) as screen:
-        await screen.enter("/torque", "asterisk", "u")
-        await screen.shows("nothing to undo")
-        line = next(line for line in screen.text.splitlines() if "nothing to undo" in line)
-        assert "/torque: " in line
+async def test_a_message_leaves_the_count_of_the_filter_beside_it(screen):
+    await screen.enter("/torque", "asterisk", "u")
+    await screen.shows("nothing to undo")
+    line = next(line for line in screen.text.splitlines() if "nothing to undo" in line)
+    assert "/torque: " in line
 
 
 def row_with(screen, words):
@@ -440,42 +434,39 @@ async def test_a_unit_that_has_no_room_is_never_cut(new_fake, opened):
 
 
 @pytest.mark.parametrize(("pace", "spared_s"), [(STEPS[0], 0.0), (STEPS[-1], 8.0)])
-async def test_a_link_is_spared_by_surveys_where_it_is_thin_alone(fake, opened, monkeypatch, pace, spared_s):
-    async with opened(fake) as screen:
-        monkeypatch.setattr("silo_tui.screens.table.pace_of", lambda app: pace)
-        assert screen.app.screen._thin_s() == spared_s
+async def test_a_link_is_spared_by_surveys_where_it_is_thin_alone(monkeypatch, pace, spared_s, screen):
+    monkeypatch.setattr("silo_tui.screens.table.pace_of", lambda app: pace)
+    assert screen.app.screen._thin_s() == spared_s
 
 
 @pytest.mark.parametrize("keys", [("m",), ("f2",), ("E",), ("m", "enter")])
-async def test_goto_leads_to_the_table_from_any_screen_and_one_that_finds_nothing_leaves_none(fake, opened, keys):
-    async with opened(fake.run(2)) as screen:
-        await screen.press(*keys)
-        await screen.until(lambda: screen.app.screen.scope not in ("", "table"), "another screen")
-        elsewhere = screen.app.screen
-        await screen.enter(":goto nowhere")
-        await screen.shows("no element has 'nowhere' in its name")
-        assert screen.app.screen is elsewhere
-        await screen.enter(":goto temperature IMU")
-        await screen.until(lambda: screen.app.screen.scope == "table", "the table")
-        await screen.shows(">/imu/temperature")
+async def test_goto_leads_to_the_table_from_any_screen_and_one_that_finds_nothing_leaves_none(keys, screen, ran_s=2):
+    await screen.press(*keys)
+    await screen.until(lambda: screen.app.screen.scope not in ("", "table"), "another screen")
+    elsewhere = screen.app.screen
+    await screen.enter(":goto nowhere")
+    await screen.shows("no element has 'nowhere' in its name")
+    assert screen.app.screen is elsewhere
+    await screen.enter(":goto temperature IMU")
+    await screen.until(lambda: screen.app.screen.scope == "table", "the table")
+    await screen.shows(">/imu/temperature")
 
 
-async def test_in_a_tree_goto_leads_to_a_name_space_itself_with_what_it_holds_below_it(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("o", "n")
-        await screen.enter(":goto RF")
-        await screen.shows("/legs/RF: keys are about all 16 elements of it")
-        assert screen.session.rows.branch.path == "/legs/RF"
-        assert "▼ HAA" in screen.text.partition("▼ RF")[2]
-        await screen.enter(":goto /log/legs/LF/KFE", "z")
-        assert "/legs/LF/KFE" in screen.session.rows.folded
-        await screen.enter(":goto LF", "z")
-        await screen.enter(":goto legs/lf/kfe/")
-        await screen.until(lambda: screen.session.rows.branch.path == "/legs/LF/KFE")  # in one that was folded
-        await screen.enter(":goto /KFE")
-        assert screen.session.rows.branch is None, "no name space of the first level"
-        await screen.enter(":goto /imu/temperature")
-        assert screen.session.rows.row == screen.session.table.row("/log/imu/temperature")
+async def test_in_a_tree_goto_leads_to_a_name_space_itself_with_what_it_holds_below_it(screen):
+    await screen.press("o", "n")
+    await screen.enter(":goto RF")
+    await screen.shows("/legs/RF: keys are about all 16 elements of it")
+    assert screen.session.rows.branch.path == "/legs/RF"
+    assert "▼ HAA" in screen.text.partition("▼ RF")[2]
+    await screen.enter(":goto /log/legs/LF/KFE", "z")
+    assert "/legs/LF/KFE" in screen.session.rows.folded
+    await screen.enter(":goto LF", "z")
+    await screen.enter(":goto legs/lf/kfe/")
+    await screen.until(lambda: screen.session.rows.branch.path == "/legs/LF/KFE")  # in one that was folded
+    await screen.enter(":goto /KFE")
+    assert screen.session.rows.branch is None, "no name space of the first level"
+    await screen.enter(":goto /imu/temperature")
+    assert screen.session.rows.row == screen.session.table.row("/log/imu/temperature")
 
 
 async def test_what_was_in_frames_that_got_lost_is_asked_for_once_and_nothing_where_none_did(fake, opened, monkeypatch):
@@ -550,28 +541,27 @@ async def test_rows_stand_still_while_a_prompt_about_them_is_open(fake, opened, 
         await screen.until(lambda: rows.shown.tolist() != before, "the order of now")
 
 
-async def test_the_editor_goes_with_its_row_where_the_table_changes_or_the_terminal(fake, opened):
-    async with opened(fake, size=(160, 30)) as screen:
-        await screen.enter("/torque", "j", "j")
-        await screen.do("edit_size")
-        editor, rows = screen.app.screen.query_one(CellEditor), screen.session.rows
+async def test_the_editor_goes_with_its_row_where_the_table_changes_or_the_terminal(screen, size=(160, 30)):
+    await screen.enter("/torque", "j", "j")
+    await screen.do("edit_size")
+    editor, rows = screen.app.screen.query_one(CellEditor), screen.session.rows
 
-        async def lies_over_it():
-            await screen.until(
-                lambda: (
-                    "LF/KFE/torque " in screen.text.splitlines()[editor.region.y]
-                    and editor.region.x == screen.app.screen.table.cell_region().x
-                ),
-                "the editor over its cell",
-            )
+    async def lies_over_it():
+        await screen.until(
+            lambda: (
+                "LF/KFE/torque " in screen.text.splitlines()[editor.region.y]
+                and editor.region.x == screen.app.screen.table.cell_region().x
+            ),
+            "the editor over its cell",
+        )
 
+    await lies_over_it()
+    rows.set_filter("")  # as others do it to the table
+    screen.app.context.table_changed()
+    await lies_over_it()
+    for size in (160, 16), (90, 30):
+        await screen.pilot.resize_terminal(*size)
         await lies_over_it()
-        rows.set_filter("")  # as others do it to the table
-        screen.app.context.table_changed()
-        await lies_over_it()
-        for size in (160, 16), (90, 30):
-            await screen.pilot.resize_terminal(*size)
-            await lies_over_it()
 
 
 async def test_who_finds_nothing_frozen_is_told_of_what_never_changed(fake, opened):

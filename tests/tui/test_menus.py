@@ -343,8 +343,7 @@ async def test_a_filter_that_is_typed_behind_a_refused_entry_is_a_filter(fake, o
 
 
 @pytest.mark.parametrize("ways", [("gs", "gl"), ("gs", "gl", "gm"), ("ge", "gl"), ("gl",)])
-async def test_home_is_the_table_whatever_the_loggers_were_listed_over(ways, fake, opened):
-    async with opened(fake.run()) as screen:
-        for each in (*ways, "gh"):
-            await screen.press(*each)
-        await screen.until(lambda: screen.app.screen.scope == "table", "the table")
+async def test_home_is_the_table_whatever_the_loggers_were_listed_over(ways, screen, ran_s=12):
+    for each in (*ways, "gh"):
+        await screen.press(*each)
+    await screen.until(lambda: screen.app.screen.scope == "table", "the table")

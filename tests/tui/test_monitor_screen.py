@@ -30,21 +30,20 @@ async def open_torque(screen):
 
 
 async def test_plots_are_full_the_moment_they_open_show_a_spike_of_one_sample_and_move_until_the_link_is_lost(
-    fake, opened
+    fake, screen, ran_s=20
 ):
-    async with opened(fake.run(20)) as screen:
-        await open_torque(screen)
-        stack = monitor(screen).stack
-        assert not np.isnan(stack.store.piece(TORQUE, stack.store.end, 100).low).any()
-        await screen.shows("max 40")
-        top = next(line for line in screen.text.splitlines() if " 40 ┤" in line)
-        assert any(char not in f"{BLANK}0123456789.- │┤" for char in top), top
-        before = stack.store.end
-        fake.advance(2.0)
-        await screen.until(lambda: stack.store.end > before)
-        fake.cut()
-        await screen.shows("No link to robot")
-        assert not stack.fresh
+    await open_torque(screen)
+    stack = monitor(screen).stack
+    assert not np.isnan(stack.store.piece(TORQUE, stack.store.end, 100).low).any()
+    await screen.shows("max 40")
+    top = next(line for line in screen.text.splitlines() if " 40 ┤" in line)
+    assert any(char not in f"{BLANK}0123456789.- │┤" for char in top), top
+    before = stack.store.end
+    fake.advance(2.0)
+    await screen.until(lambda: stack.store.end > before)
+    fake.cut()
+    await screen.shows("No link to robot")
+    assert not stack.fresh
 
 
 async def test_why_no_values_come_is_said(fake, opened, monkeypatch):
@@ -92,53 +91,53 @@ async def test_another_plot_that_is_chosen_leaves_the_rest_as_a_whole_repaint_sh
             assert list(screen._lines()) == shown, key
 
 
-async def test_a_pause_holds_the_picture_follows_the_theme_walks_back_and_zooms_on_in_the_large_plot(fake, opened):
-    async with opened(fake.run(30)) as screen:
-        await open_torque(screen)
-        await screen.press("space")
-        await screen.shows("PAUSED")
-        before = monitor(screen).stack.store.end
-        fake.advance(5.0)
-        await screen.until(lambda: screen.session.frame_time_ns == fake.now_ns, "what was logged meanwhile")
-        await screen.pilot.pause()
-        assert monitor(screen).stack.store.end == before
-        before = [segment.style.color for segment in monitor(screen).stack.render_line(2)]
-        screen.app.theme = "silo-light"
-        await screen.until(
-            lambda: not {segment.style.color for segment in monitor(screen).stack.render_line(2)} & set(before)
-        )
-        await screen.press("plus", "left")  # as much is held as was shown: there is more to go back in
-        end = monitor(screen).window.paused_end_ns
-        await screen.press(*["shift+left"] * 8)
-        assert monitor(screen).window.paused_end_ns < end
-        await screen.press(*["plus"] * 12, "enter")
-        await screen.shows("TIME")
-        plot = screen.app.screen
-        assert plot.window.span_s == 0.001
-        await screen.press("minus")
-        assert plot.window.span_s == 0.002
+async def test_a_pause_holds_the_picture_follows_the_theme_walks_back_and_zooms_on_in_the_large_plot(
+    fake, screen, ran_s=30
+):
+    await open_torque(screen)
+    await screen.press("space")
+    await screen.shows("PAUSED")
+    before = monitor(screen).stack.store.end
+    fake.advance(5.0)
+    await screen.until(lambda: screen.session.frame_time_ns == fake.now_ns, "what was logged meanwhile")
+    await screen.pilot.pause()
+    assert monitor(screen).stack.store.end == before
+    before = [segment.style.color for segment in monitor(screen).stack.render_line(2)]
+    screen.app.theme = "silo-light"
+    await screen.until(
+        lambda: not {segment.style.color for segment in monitor(screen).stack.render_line(2)} & set(before)
+    )
+    await screen.press("plus", "left")  # as much is held as was shown: there is more to go back in
+    end = monitor(screen).window.paused_end_ns
+    await screen.press(*["shift+left"] * 8)
+    assert monitor(screen).window.paused_end_ns < end
+    await screen.press(*["plus"] * 12, "enter")
+    await screen.shows("TIME")
+    plot = screen.app.screen
+    assert plot.window.span_s == 0.001
+    await screen.press("minus")
+    assert plot.window.span_s == 0.002
 
 
-async def test_zoom_shows_another_span_at_a_held_scale_the_cursor_reads_and_the_detail_plot_has_axes(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_torque(screen)
-        await screen.press("plus")
-        await screen.shows("5 s shown")
-        await screen.press("minus", "minus")
-        await screen.shows("20 s shown")
-        await screen.press("y")
-        await screen.shows("y held")
-        scale = monitor(screen).window.scales[TORQUE]
-        await screen.press(*["plus"] * 4)
-        await screen.shows("1 s shown")
-        assert monitor(screen).window.scales[TORQUE] == scale
-        await screen.press("left")
-        await screen.shows("at cursor")
-        await screen.shows("cursor at -")
-        await screen.press("enter")
-        await screen.shows("TIME")
-        await screen.press("tab", "tab")
-        await screen.shows("SPECTRUM")
+async def test_zoom_shows_another_span_at_a_held_scale_the_cursor_reads_and_the_detail_plot_has_axes(screen, ran_s=20):
+    await open_torque(screen)
+    await screen.press("plus")
+    await screen.shows("5 s shown")
+    await screen.press("minus", "minus")
+    await screen.shows("20 s shown")
+    await screen.press("y")
+    await screen.shows("y held")
+    scale = monitor(screen).window.scales[TORQUE]
+    await screen.press(*["plus"] * 4)
+    await screen.shows("1 s shown")
+    assert monitor(screen).window.scales[TORQUE] == scale
+    await screen.press("left")
+    await screen.shows("at cursor")
+    await screen.shows("cursor at -")
+    await screen.press("enter")
+    await screen.shows("TIME")
+    await screen.press("tab", "tab")
+    await screen.shows("SPECTRUM")
 
 
 async def test_a_wider_span_has_no_blank_though_its_history_comes_late(fake, opened):
@@ -191,32 +190,31 @@ async def test_what_was_overwritten_is_said_under_the_plots(fake, opened):
         await screen.shows("░ 5.9 s overwritten")
 
 
-async def test_of_a_vector_one_entry_or_all_are_plotted_as_it_is_looked_at_folded_or_marked(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await screen.enter("/base/position")
-        await screen.do("component", "component")
-        await screen.shows("entry x alone, 1 of 3")
-        await screen.plot("m")
-        assert [each.name for each in screen.app.screen.stack.plots] == ["/log/base/position_x"]
-        await screen.press("escape")
-        await screen.do("component")
-        await screen.shows("entry y alone, 2 of 3")
-        await screen.do("component", "component")
-        await screen.shows("its entries side by side")
-        await screen.plot("m")
-        assert len(screen.app.screen.stack.plots) == 3
-        await screen.press("escape")
-        await screen.do("fold")
-        await screen.press("j")
-        await screen.plot("m")
-        assert [each.name for each in screen.app.screen.stack.plots] == ["/log/base/position_x"]
-        await screen.press("escape")
-        await screen.press("space")
-        await screen.shows("base/position marked, with all")  # beside filter and marks
-        await screen.plot("m")
-        assert len(screen.app.screen.stack.plots) == 3
-        await screen.press("escape", "space")
-        await screen.shows("base/position no longer marked, with all")
+async def test_of_a_vector_one_entry_or_all_are_plotted_as_it_is_looked_at_folded_or_marked(screen, ran_s=20):
+    await screen.enter("/base/position")
+    await screen.do("component", "component")
+    await screen.shows("entry x alone, 1 of 3")
+    await screen.plot("m")
+    assert [each.name for each in screen.app.screen.stack.plots] == ["/log/base/position_x"]
+    await screen.press("escape")
+    await screen.do("component")
+    await screen.shows("entry y alone, 2 of 3")
+    await screen.do("component", "component")
+    await screen.shows("its entries side by side")
+    await screen.plot("m")
+    assert len(screen.app.screen.stack.plots) == 3
+    await screen.press("escape")
+    await screen.do("fold")
+    await screen.press("j")
+    await screen.plot("m")
+    assert [each.name for each in screen.app.screen.stack.plots] == ["/log/base/position_x"]
+    await screen.press("escape")
+    await screen.press("space")
+    await screen.shows("base/position marked, with all")  # beside filter and marks
+    await screen.plot("m")
+    assert len(screen.app.screen.stack.plots) == 3
+    await screen.press("escape", "space")
+    await screen.shows("base/position no longer marked, with all")
 
 
 async def test_the_cursor_is_drawn_a_cell_further_for_each_press(fake, opened):
@@ -235,88 +233,83 @@ async def test_the_cursor_is_drawn_a_cell_further_for_each_press(fake, opened):
             await screen.until(lambda step=step: cell() == begin - step)
 
 
-async def test_every_marked_element_has_its_plots(fake, opened):
-    async with opened(fake.run(20), size=(120, 40)) as screen:
-        await screen.press("space", "space", "m")
-        await screen.shows("/base/position_z")
-        assert len(monitor(screen).stack.plots) == 7
+async def test_every_marked_element_has_its_plots(screen, ran_s=20, size=(120, 40)):
+    await screen.press("space", "space", "m")
+    await screen.shows("/base/position_z")
+    assert len(monitor(screen).stack.plots) == 7
 
 
-async def test_one_that_is_only_saved_is_plotted_and_two_against_one_another(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await screen.enter("/solver_cost", "m")
-        await screen.shows("/state/solver_cost")
-        await screen.shows("max")
-        await screen.press("escape")
-        await screen.enter("/LF torque", "asterisk", "m", "enter", "tab")
-        await screen.shows("X-Y")
-        await screen.shows("r = ")
+async def test_one_that_is_only_saved_is_plotted_and_two_against_one_another(screen, ran_s=20):
+    await screen.enter("/solver_cost", "m")
+    await screen.shows("/state/solver_cost")
+    await screen.shows("max")
+    await screen.press("escape")
+    await screen.enter("/LF torque", "asterisk", "m", "enter", "tab")
+    await screen.shows("X-Y")
+    await screen.shows("r = ")
 
 
-async def test_escape_gives_the_table_its_view_again_and_the_line_of_plots_says_that_the_logger_is_dead(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await open_torque(screen)
-        await screen.press("escape")
-        await screen.until(lambda: fake.views[-1].values == (TORQUE,) and not fake.views[-1].plots)
-        await screen.plot("m")
-        await screen.shows("│ live │")
-        fake.state, fake.reason = State.DEAD, "nothing is known of why"
-        fake.publish(EventKind.CRASHED, "it died")
-        await screen.shows("│ DEAD │")
-        axis = next(line for line in screen.text.splitlines() if "-2.5 s" in line)
-        assert axis.rstrip().endswith("end")
-        assert "now" not in screen.text.replace("known", "")
-        assert "│ live │" not in screen.text
+async def test_escape_gives_the_table_its_view_again_and_the_line_of_plots_says_that_the_logger_is_dead(
+    fake, screen, ran_s=20
+):
+    await open_torque(screen)
+    await screen.press("escape")
+    await screen.until(lambda: fake.views[-1].values == (TORQUE,) and not fake.views[-1].plots)
+    await screen.plot("m")
+    await screen.shows("│ live │")
+    fake.state, fake.reason = State.DEAD, "nothing is known of why"
+    fake.publish(EventKind.CRASHED, "it died")
+    await screen.shows("│ DEAD │")
+    axis = next(line for line in screen.text.splitlines() if "-2.5 s" in line)
+    assert axis.rstrip().endswith("end")
+    assert "now" not in screen.text.replace("known", "")
+    assert "│ live │" not in screen.text
 
 
-async def test_a_second_that_passes_before_the_plots_are_laid_out_ends_nothing(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        screen.app.screen.command_monitor()  # on the stack, nothing of it made yet
-        assert not screen.app.context.upper_screen.is_mounted
-        screen.app._second()
-        screen.app._poll()
-        await screen.curves()
+async def test_a_second_that_passes_before_the_plots_are_laid_out_ends_nothing(screen, ran_s=20):
+    screen.app.screen.command_monitor()  # on the stack, nothing of it made yet
+    assert not screen.app.context.upper_screen.is_mounted
+    screen.app._second()
+    screen.app._poll()
+    await screen.curves()
 
 
 @pytest.mark.parametrize("mode", ["PAUSED 41 s ago, 3 s held", "SCOPE normal  CAUGHT 0.8 s ago"])
-async def test_the_head_keeps_alarm_loss_and_recording_where_the_mode_is_long(mode, fake, opened, monkeypatch):
-    async with opened(fake.run(20)) as screen:
-        await open_torque(screen)
-        bar = monitor(screen).status_bar
-        monkeypatch.setattr("silo_tui.widgets.bars.head_words", lambda *_: (("12 alarms HH", "HH 12"), True, ()))
-        session = screen.session
-        session.status = msgspec.structs.replace(session.status, recorders=1)
-        session.measured_hz, session.lost_total, bar.mode = 361.5, 1240, mode
-        words = bar._line().plain
-        assert len(words) <= 80
-        for part in ("HH 12", "REC 1", "lost 1 240", "361.5 Hz slow", "anymal/robot", *mode.split()[:1]):
-            assert part in words
-        if "CAUGHT" in mode:
-            assert "CAUGHT" in words
+async def test_the_head_keeps_alarm_loss_and_recording_where_the_mode_is_long(mode, screen, monkeypatch, ran_s=20):
+    await open_torque(screen)
+    bar = monitor(screen).status_bar
+    monkeypatch.setattr("silo_tui.widgets.bars.head_words", lambda *_: (("12 alarms HH", "HH 12"), True, ()))
+    session = screen.session
+    session.status = msgspec.structs.replace(session.status, recorders=1)
+    session.measured_hz, session.lost_total, bar.mode = 361.5, 1240, mode
+    words = bar._line().plain
+    assert len(words) <= 80
+    for part in ("HH 12", "REC 1", "lost 1 240", "361.5 Hz slow", "anymal/robot", *mode.split()[:1]):
+        assert part in words
+    if "CAUGHT" in mode:
+        assert "CAUGHT" in words
 
 
-async def test_keys_of_a_plot_say_that_nothing_is_plotted_where_its_signal_is_no_longer_in_the_table(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await screen.press("m")
-        await screen.curves()
-        shown, table = screen.app.screen, screen.session.table
-        gone = {each.element.name for each in shown.stack.plots}
-        table.load(Table(table.revision + 1, [each for each in table.elements if each.name not in gone]))
-        shown.table_changed()
-        assert not shown.stack.plots
-        for does in ("join_plots", "plot_trigger", "isolate_plot", "catch", "next_found", "turn_plotted_up"):
-            shown.say("")
-            shown.action_command(does)
-            await screen.shows("nothing is plotted")
-            assert screen.app.screen is shown
+async def test_keys_of_a_plot_say_that_nothing_is_plotted_where_its_signal_is_no_longer_in_the_table(screen, ran_s=20):
+    await screen.press("m")
+    await screen.curves()
+    shown, table = screen.app.screen, screen.session.table
+    gone = {each.element.name for each in shown.stack.plots}
+    table.load(Table(table.revision + 1, [each for each in table.elements if each.name not in gone]))
+    shown.table_changed()
+    assert not shown.stack.plots
+    for does in ("join_plots", "plot_trigger", "isolate_plot", "catch", "next_found", "turn_plotted_up"):
+        shown.say("")
+        shown.action_command(does)
+        await screen.shows("nothing is plotted")
+        assert screen.app.screen is shown
 
 
-async def test_how_many_elements_are_plotted_is_told_where_that_is_another_number_than_of_plots(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await screen.do("mark", "mark", "monitor")
-        await screen.shows("plots 1-5 of 7, of 2 elements, vectors by entry (j next)")
-        await screen.do("plot_bottom")
-        await screen.shows(" of 7, of 2 elements, vectors by entry (k before)")
+async def test_how_many_elements_are_plotted_is_told_where_that_is_another_number_than_of_plots(screen, ran_s=20):
+    await screen.do("mark", "mark", "monitor")
+    await screen.shows("plots 1-5 of 7, of 2 elements, vectors by entry (j next)")
+    await screen.do("plot_bottom")
+    await screen.shows(" of 7, of 2 elements, vectors by entry (k before)")
 
 
 async def test_another_signal_is_plotted_by_its_name_without_leaving_the_plots(fake, opened):
@@ -346,37 +339,34 @@ async def test_another_signal_is_plotted_by_its_name_without_leaving_the_plots(f
         await screen.shows("space goes on")
 
 
-async def test_what_is_named_is_plotted_from_the_table_whatever_is_marked(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await screen.press("space")
-        await screen.enter(":plot LF/HAA/torque")
-        await screen.until(lambda: monitor(screen).scope == "monitor", "the plots")
-        assert [each.name for each in monitor(screen).stack.plots] == [TORQUE]
-        await screen.press("escape")
-        await screen.enter(":plot")
-        await screen.shows("say what to plot")
+async def test_what_is_named_is_plotted_from_the_table_whatever_is_marked(screen, ran_s=20):
+    await screen.press("space")
+    await screen.enter(":plot LF/HAA/torque")
+    await screen.until(lambda: monitor(screen).scope == "monitor", "the plots")
+    assert [each.name for each in monitor(screen).stack.plots] == [TORQUE]
+    await screen.press("escape")
+    await screen.enter(":plot")
+    await screen.shows("say what to plot")
 
 
-async def test_tab_offers_the_neighbours_of_the_plot_that_is_chosen_first(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await screen.enter("/RF/KFE/torque", "m")
-        await screen.curves()
-        await screen.do("add_plot")
-        await screen.press("tab")
-        await screen.shows("plot /legs/RF/KFE/position")
-        await screen.press("tab")
-        await screen.shows("plot /legs/RF/KFE/velocity")
+async def test_tab_offers_the_neighbours_of_the_plot_that_is_chosen_first(screen, ran_s=20):
+    await screen.enter("/RF/KFE/torque", "m")
+    await screen.curves()
+    await screen.do("add_plot")
+    await screen.press("tab")
+    await screen.shows("plot /legs/RF/KFE/position")
+    await screen.press("tab")
+    await screen.shows("plot /legs/RF/KFE/velocity")
 
 
-async def test_what_is_found_in_plots_are_values_where_there_is_room_to_say_so(fake, opened):
-    async with opened(fake.run(20), size=(160, 30)) as screen:
-        await open_torque(screen)
-        await screen.shows("f Find value  ")
-        await screen.press("enter")
-        await screen.until(lambda: screen.app.screen.scope == "detail", "the large plot")
-        await screen.shows("f Find value  ")
-        screen.app.screen.action_command("mode_spectrum")
-        await screen.shows("f Find peak  ")
-        await screen.press("escape", "escape")
-        await screen.pilot.resize_terminal(80, 24)
-        await screen.shows("f Find  ")
+async def test_what_is_found_in_plots_are_values_where_there_is_room_to_say_so(screen, ran_s=20, size=(160, 30)):
+    await open_torque(screen)
+    await screen.shows("f Find value  ")
+    await screen.press("enter")
+    await screen.until(lambda: screen.app.screen.scope == "detail", "the large plot")
+    await screen.shows("f Find value  ")
+    screen.app.screen.action_command("mode_spectrum")
+    await screen.shows("f Find peak  ")
+    await screen.press("escape", "escape")
+    await screen.pilot.resize_terminal(80, 24)
+    await screen.shows("f Find  ")

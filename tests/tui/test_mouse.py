@@ -14,59 +14,54 @@ async def click_on_head(screen, title):
     await screen.pilot.click("TableHead", offset=(place, 0))
 
 
-async def test_a_click_on_a_head_sorts_by_it(fake, opened):
-    async with opened(fake) as screen:
-        for title in ("unit", "name", "div", "act", "buf", "size"):
-            await (screen.pilot.click("TableHead", offset=(3, 0)) if title == "name" else click_on_head(screen, title))
-            await screen.shows(f"{'↓' if title in ('div', 'size') else '↑'}{title}")
-            assert screen.session.rows.sort == title
+async def test_a_click_on_a_head_sorts_by_it(screen):
+    for title in ("unit", "name", "div", "act", "buf", "size"):
+        await (screen.pilot.click("TableHead", offset=(3, 0)) if title == "name" else click_on_head(screen, title))
+        await screen.shows(f"{'↓' if title in ('div', 'size') else '↑'}{title}")
+        assert screen.session.rows.sort == title
 
 
 @pytest.mark.parametrize("title", ["state", "fill", "value"])
-async def test_a_click_on_a_live_head_orders_by_it_and_a_second_one_turns_the_order(fake, opened, title):
-    async with opened(fake.run(), size=(120, 24)) as screen:
-        place = screen.text.split("\n")[1].index(title) - screen.app.screen.table_head.region.x
-        for turned in (False, True):
-            await screen.pilot.click("TableHead", offset=(place, 0))
-            await screen.until(lambda to=(title, turned): (screen.session.rows.sort, screen.session.rows.turned) == to)
+async def test_a_click_on_a_live_head_orders_by_it_and_a_second_one_turns_the_order(
+    screen, title, ran_s=12, size=(120, 24)
+):
+    place = screen.text.split("\n")[1].index(title) - screen.app.screen.table_head.region.x
+    for turned in (False, True):
+        await screen.pilot.click("TableHead", offset=(place, 0))
+        await screen.until(lambda to=(title, turned): (screen.session.rows.sort, screen.session.rows.turned) == to)
 
 
-async def test_heads_of_statistics_can_be_clicked(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.press("C")
-        await screen.shows(" mean")
-        for title in ("min", "max", "mean", "std"):
-            await click_on_head(screen, title)
-            await screen.until(lambda title=title: screen.session.rows.sort == title, title)
+async def test_heads_of_statistics_can_be_clicked(screen, ran_s=12):
+    await screen.press("C")
+    await screen.shows(" mean")
+    for title in ("min", "max", "mean", "std"):
+        await click_on_head(screen, title)
+        await screen.until(lambda title=title: screen.session.rows.sort == title, title)
 
 
-async def test_a_second_click_on_a_head_turns_the_order_round(fake, opened):
-    async with opened(fake) as screen:
-        head = screen.text.split("\n")[1]
-        for turned in (False, True, False):
-            await screen.pilot.click("TableHead", offset=(head.index("div") + 1, 0))
-            await screen.until(lambda turned=turned: screen.session.rows.turned is turned)
-        await screen.pilot.click("TableHead", offset=(3, 0))
-        await screen.shows("↑name")
-        await screen.pilot.click("TableHead", offset=(3, 0))
-        await screen.shows("↓name")
+async def test_a_second_click_on_a_head_turns_the_order_round(screen):
+    head = screen.text.split("\n")[1]
+    for turned in (False, True, False):
+        await screen.pilot.click("TableHead", offset=(head.index("div") + 1, 0))
+        await screen.until(lambda turned=turned: screen.session.rows.turned is turned)
+    await screen.pilot.click("TableHead", offset=(3, 0))
+    await screen.shows("↑name")
+    await screen.pilot.click("TableHead", offset=(3, 0))
+    await screen.shows("↓name")
 
 
-async def test_a_click_on_a_plot_chooses_it_and_puts_the_cursor_where_it_was(fake, opened):
-    async with opened(fake.run(), size=(100, 40)) as screen:
-        await screen.press("j", "j", "space", "space", "m")
-        await screen.until(
-            lambda: isinstance(screen.app.screen, MonitorScreen) and len(screen.app.screen.stack.plots) > 1
-        )
-        monitor = screen.app.screen
-        second = next(y for y in range(40) if monitor.stack.place_of(y) == (1, 0))
-        await screen.pilot.click("PlotStack", offset=(AXIS + 1 + 20, second + 1))
-        await screen.until(lambda: monitor.stack.chosen == 1)
-        line = screen.text.split("\n")[2 + second]
-        assert monitor.window.cursor == 2 * (monitor.stack.plot_width - 1 - 20)
-        assert len(line) > AXIS + 21
-        await screen.pilot.click("PlotStack", offset=(2, 0))
-        await screen.until(lambda: monitor.stack.chosen == 0)
+async def test_a_click_on_a_plot_chooses_it_and_puts_the_cursor_where_it_was(screen, ran_s=12, size=(100, 40)):
+    await screen.press("j", "j", "space", "space", "m")
+    await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen) and len(screen.app.screen.stack.plots) > 1)
+    monitor = screen.app.screen
+    second = next(y for y in range(40) if monitor.stack.place_of(y) == (1, 0))
+    await screen.pilot.click("PlotStack", offset=(AXIS + 1 + 20, second + 1))
+    await screen.until(lambda: monitor.stack.chosen == 1)
+    line = screen.text.split("\n")[2 + second]
+    assert monitor.window.cursor == 2 * (monitor.stack.plot_width - 1 - 20)
+    assert len(line) > AXIS + 21
+    await screen.pilot.click("PlotStack", offset=(2, 0))
+    await screen.until(lambda: monitor.stack.chosen == 0)
 
 
 @pytest.mark.parametrize(

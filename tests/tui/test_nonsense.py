@@ -25,38 +25,35 @@ LINES = [
 TYPED = ["", "x", "-1", "1e400", "9" * 400, "[/]", "\u00b2", "*", "/0", "10x", "nan", "1e308s", " ", "=", "*1e308"]
 
 
-async def test_strange_lines_are_told_of_and_the_program_goes_on(fake, opened):
-    async with opened(fake) as screen:
-        for line in LINES:
-            CommandRunner(screen.app.context).run(line)
-            assert screen.text is not None, line
-            await screen.leave()
-            assert screen.app.is_running, line
-        CommandRunner(screen.app.context).run("filter")
-        CommandRunner(screen.app.context).run("set div=7")
-        assert 7 in screen.session.table.values[Field.DIVIDER]
+async def test_strange_lines_are_told_of_and_the_program_goes_on(screen):
+    for line in LINES:
+        CommandRunner(screen.app.context).run(line)
+        assert screen.text is not None, line
+        await screen.leave()
+        assert screen.app.is_running, line
+    CommandRunner(screen.app.context).run("filter")
+    CommandRunner(screen.app.context).run("set div=7")
+    assert 7 in screen.session.table.values[Field.DIVIDER]
 
 
 @pytest.mark.parametrize("key", ["d", "b"])
-async def test_strange_words_in_a_cell_are_told_of_and_the_program_goes_on(key, fake, opened):
-    async with opened(fake) as screen:
-        for typed in TYPED:
-            await screen.press(key)
-            await screen.type_or_paste(typed)
-            await screen.press("enter")
-            assert screen.text is not None, typed
-            await screen.leave()
-        await screen.press("d", "7", "enter")
-        await screen.until(lambda: screen.value(FIRST, Field.DIVIDER) == "7")
+async def test_strange_words_in_a_cell_are_told_of_and_the_program_goes_on(key, screen):
+    for typed in TYPED:
+        await screen.press(key)
+        await screen.type_or_paste(typed)
+        await screen.press("enter")
+        assert screen.text is not None, typed
+        await screen.leave()
+    await screen.press("d", "7", "enter")
+    await screen.until(lambda: screen.value(FIRST, Field.DIVIDER) == "7")
 
 
 @pytest.mark.parametrize("key", ["/", "e", "w", ":"])
-async def test_strange_words_in_a_dialog_are_told_of_and_the_program_goes_on(key, fake, opened):
-    async with opened(fake.run()) as screen:
-        for typed in TYPED:
-            await screen.press(key)
-            await screen.type_or_paste(typed)
-            await screen.press("enter")
-            assert screen.text is not None, typed
-            await screen.leave()
-        assert screen.app.is_running
+async def test_strange_words_in_a_dialog_are_told_of_and_the_program_goes_on(key, screen, ran_s=12):
+    for typed in TYPED:
+        await screen.press(key)
+        await screen.type_or_paste(typed)
+        await screen.press("enter")
+        assert screen.text is not None, typed
+        await screen.leave()
+    assert screen.app.is_running

@@ -23,16 +23,15 @@ def painted_of(widget, monkeypatch):
 
 
 @pytest.mark.slow
-async def test_of_a_table_that_has_scrolled_both_lines_are_painted(fake, opened, monkeypatch):
-    async with opened(fake) as screen:
-        table = screen.app.screen.table
-        await screen.press("G")
-        await screen.until(lambda: table.scroll_offset.y > 0 and screen.text)  # looked at, and so painted
-        painted = painted_of(table, monkeypatch)
-        await screen.press("k")
-        bottom = table.size.height - 1
-        assert {bottom - 1, bottom} <= painted
-        assert 0 not in painted  # and no more
+async def test_of_a_table_that_has_scrolled_both_lines_are_painted(screen, monkeypatch):
+    table = screen.app.screen.table
+    await screen.press("G")
+    await screen.until(lambda: table.scroll_offset.y > 0 and screen.text)  # looked at, and so painted
+    painted = painted_of(table, monkeypatch)
+    await screen.press("k")
+    bottom = table.size.height - 1
+    assert {bottom - 1, bottom} <= painted
+    assert 0 not in painted  # and no more
 
 
 async def test_of_a_list_that_has_scrolled_both_lines_are_painted(monkeypatch):

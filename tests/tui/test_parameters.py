@@ -194,62 +194,58 @@ async def test_the_parameter_whose_plot_is_chosen_is_turned_there(fake, opened, 
         await screen.until(lambda: values(fake)["temperature"] == 0.48)
 
 
-async def test_what_is_undone_before_its_answer_came_is_what_was_set_last(fake, opened):
-    async with opened(fake) as screen:
-        await screen.do("parameters")
-        await screen.shows("above ground")
-        await screen.press("right")
-        await screen.shows("it holds")
-        fake.answers.clear()
-        await screen.press("down", "right")
-        await screen.until(lambda: fake.calls[-1] == ("set_parameters", {"/log/gait/name": "pace"}))
-        await screen.press("u", "up", "right", "right")
-        fake.answers.set()
-        await screen.until(lambda: values(fake)["height"] == 0.495)
-        assert values(fake)["name"] == "trot"
-        set_ = [one[1] for one in fake.calls if one[0] == "set_parameters"]
-        assert set_[1:3] == [{"/log/gait/name": "pace"}, {"/log/gait/name": "trot"}]
+async def test_what_is_undone_before_its_answer_came_is_what_was_set_last(fake, screen):
+    await screen.do("parameters")
+    await screen.shows("above ground")
+    await screen.press("right")
+    await screen.shows("it holds")
+    fake.answers.clear()
+    await screen.press("down", "right")
+    await screen.until(lambda: fake.calls[-1] == ("set_parameters", {"/log/gait/name": "pace"}))
+    await screen.press("u", "up", "right", "right")
+    fake.answers.set()
+    await screen.until(lambda: values(fake)["height"] == 0.495)
+    assert values(fake)["name"] == "trot"
+    set_ = [one[1] for one in fake.calls if one[0] == "set_parameters"]
+    assert set_[1:3] == [{"/log/gait/name": "pace"}, {"/log/gait/name": "trot"}]
 
 
 def test_the_menu_of_edits_keeps_a_preset_here_and_not_the_table():
     assert in_menu("menu_edit", "parameters")["w"][0].id == "save_preset"
 
 
-async def test_what_somebody_else_set_since_is_not_undone(fake, opened):
-    async with opened(fake) as screen:
-        await screen.do("parameters")
-        await screen.shows("above ground")
-        await screen.press("right")
-        await screen.shows("it holds")
-        fake.put({"/log/gait/height": 0.5})
-        await screen.press("u")
-        await screen.shows("somebody else set height to 0.5 m since")
-        assert values(fake)["height"] == 0.5
+async def test_what_somebody_else_set_since_is_not_undone(fake, screen):
+    await screen.do("parameters")
+    await screen.shows("above ground")
+    await screen.press("right")
+    await screen.shows("it holds")
+    fake.put({"/log/gait/height": 0.5})
+    await screen.press("u")
+    await screen.shows("somebody else set height to 0.5 m since")
+    assert values(fake)["height"] == 0.5
 
 
-async def test_a_robot_program_that_was_started_anew_has_none_of_what_was_set_in_the_one_before(fake, opened):
-    async with opened(fake) as screen:
-        await screen.do("parameters")
-        await screen.shows("above ground")
-        await screen.press("right")
-        await screen.shows("height 0.485 m: it holds from tick 17 on")
-        fake.cut()
-        await screen.shows("No link")
-        fake.pid = 5000
-        fake.put({"/log/gait/height": 0.48})
-        fake.mend()
-        await screen.shows("started again")
-        await screen.until(lambda: "it holds from tick 17" not in screen.text, "the answer of the other program")
-        await screen.press("u")
-        await screen.shows("nothing is left to take back")
+async def test_a_robot_program_that_was_started_anew_has_none_of_what_was_set_in_the_one_before(fake, screen):
+    await screen.do("parameters")
+    await screen.shows("above ground")
+    await screen.press("right")
+    await screen.shows("height 0.485 m: it holds from tick 17 on")
+    fake.cut()
+    await screen.shows("No link")
+    fake.pid = 5000
+    fake.put({"/log/gait/height": 0.48})
+    fake.mend()
+    await screen.shows("started again")
+    await screen.until(lambda: "it holds from tick 17" not in screen.text, "the answer of the other program")
+    await screen.press("u")
+    await screen.shows("nothing is left to take back")
 
 
-async def test_parameters_of_a_robot_program_that_is_gone_come_back_with_it(fake, opened, monkeypatch):
-    async with opened(fake) as screen:
-        screen.session.take_status(replace(screen.session.status, state=State.DEAD))
-        monkeypatch.setattr(knobs.Knobs, "refresh", nothing)
-        await screen.do("parameters")
-        await screen.shows("The robot program is gone; its parameters come back with it")
+async def test_parameters_of_a_robot_program_that_is_gone_come_back_with_it(screen, monkeypatch):
+    screen.session.take_status(replace(screen.session.status, state=State.DEAD))
+    monkeypatch.setattr(knobs.Knobs, "refresh", nothing)
+    await screen.do("parameters")
+    await screen.shows("The robot program is gone; its parameters come back with it")
 
 
 async def nothing(*given):
@@ -297,32 +293,31 @@ async def test_defaults_and_presets_are_shown_before_they_are_set_as_one_change(
         assert [set(call[1]) for call in fake.calls] == 2 * [{"/log/gait/height", "/log/gains/kp"}]
 
 
-async def test_one_is_excited_after_a_look_at_how_far_and_how_long_and_any_key_ends_it(fake, opened):
-    async with opened(fake) as screen:
-        await screen.do("parameters")
-        await screen.shows("above ground")
-        await screen.do("excite")
-        await screen.until(lambda: screen.app.screen.query(Input), "a line to type in")
-        await screen.shows("0.4 to 0.54 in steps of 0.005 m")
-        line = screen.app.screen.query_one(Input)
-        assert line.value == "chirp 0.1-20Hz amplitude 0.015 for 20s"
-        line.value = "step amplitude 1 for 20s"
-        await screen.press("enter")
-        await screen.shows("it takes 0.4 to 0.54")  # refused as a whole, and the line stays
-        line.value = "multisine 0.1-20Hz amplitude 0.02 for 20s"
-        await screen.press("enter")
-        await screen.shows("around 0.48 m, from 0.46 to 0.5:")
-        await screen.press("escape")
-        assert not fake.calls
-        await screen.press("colon")
-        await screen.type_or_paste("excite kp prbs 50Hz amplitude 2 for 20s")
-        await screen.press("enter")
-        await screen.shows("around 40.0 Nm/rad, from 38 to 42:")
-        await screen.press("down", "enter")
-        await screen.shows("3.0 of 20 s")
-        await screen.press("space")
-        await screen.shows("stopped by a key, rows 5 to 9")
-        assert fake.calls == [("excite", "kp", "prbs", 2.0, 20.0, 50.0)]
+async def test_one_is_excited_after_a_look_at_how_far_and_how_long_and_any_key_ends_it(fake, screen):
+    await screen.do("parameters")
+    await screen.shows("above ground")
+    await screen.do("excite")
+    await screen.until(lambda: screen.app.screen.query(Input), "a line to type in")
+    await screen.shows("0.4 to 0.54 in steps of 0.005 m")
+    line = screen.app.screen.query_one(Input)
+    assert line.value == "chirp 0.1-20Hz amplitude 0.015 for 20s"
+    line.value = "step amplitude 1 for 20s"
+    await screen.press("enter")
+    await screen.shows("it takes 0.4 to 0.54")  # refused as a whole, and the line stays
+    line.value = "multisine 0.1-20Hz amplitude 0.02 for 20s"
+    await screen.press("enter")
+    await screen.shows("around 0.48 m, from 0.46 to 0.5:")
+    await screen.press("escape")
+    assert not fake.calls
+    await screen.press("colon")
+    await screen.type_or_paste("excite kp prbs 50Hz amplitude 2 for 20s")
+    await screen.press("enter")
+    await screen.shows("around 40.0 Nm/rad, from 38 to 42:")
+    await screen.press("down", "enter")
+    await screen.shows("3.0 of 20 s")
+    await screen.press("space")
+    await screen.shows("stopped by a key, rows 5 to 9")
+    assert fake.calls == [("excite", "kp", "prbs", 2.0, 20.0, 50.0)]
 
 
 @pytest.mark.parametrize(("preset", "beside"), [("", "default"), ("soft", "preset")])
@@ -351,10 +346,9 @@ def test_a_line_that_makes_no_sense_says_what_it_should_be(line, words):
     assert str(refused.value) == words
 
 
-async def test_the_plot_of_a_parameter_says_what_stands_beside_it(fake, opened):
-    async with opened(fake.run(), size=(100, 24)) as screen:
-        await screen.do("mark", "parameters")
-        await screen.shows("above ground")
-        await screen.do("plot_conditions")
-        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "the plots")
-        await screen.shows("with 1 signal marked in the table")
+async def test_the_plot_of_a_parameter_says_what_stands_beside_it(screen, ran_s=12, size=(100, 24)):
+    await screen.do("mark", "parameters")
+    await screen.shows("above ground")
+    await screen.do("plot_conditions")
+    await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "the plots")
+    await screen.shows("with 1 signal marked in the table")

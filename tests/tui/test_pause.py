@@ -156,93 +156,91 @@ async def test_a_window_that_is_wider_later_shows_what_the_buffers_held_at_the_p
         np.testing.assert_array_equal(values, logged(time_ns))
 
 
-async def test_zoom_pan_and_samples_work_after_the_link_was_cut(fake, opened):
-    async with opened(fake.run(60)) as screen:
-        await open_torque(screen)
-        held = await hold(screen)
-        fake.cut()
-        await screen.press("plus", "plus", "plus", "pageup")
-        await screen.until(lambda: monitor(screen).window.span_s == 1.0 and filled(screen), "one second of columns")
-        stamps, values = await held.samples(TORQUE, held.begin_ns, held.end_ns)
-        np.testing.assert_array_equal(values, logged(stamps))
-        assert len(stamps) == round(held.held_s * HZ) + 1
+async def test_zoom_pan_and_samples_work_after_the_link_was_cut(fake, screen, ran_s=60):
+    await open_torque(screen)
+    held = await hold(screen)
+    fake.cut()
+    await screen.press("plus", "plus", "plus", "pageup")
+    await screen.until(lambda: monitor(screen).window.span_s == 1.0 and filled(screen), "one second of columns")
+    stamps, values = await held.samples(TORQUE, held.begin_ns, held.end_ns)
+    np.testing.assert_array_equal(values, logged(stamps))
+    assert len(stamps) == round(held.held_s * HZ) + 1
 
 
 async def test_a_link_that_is_cut_at_once_leaves_the_picture_which_claims_no_seconds_and_is_looked_through_and_measured(
-    fake, opened
+    fake, screen, ran_s=61
 ):
-    async with opened(fake.run(61)) as screen:
-        await open_torque(screen)
-        await screen.until(lambda: filled(screen), "the whole picture")
-        fake.cut()
-        await screen.press("space")
-        await screen.shows("only the picture fetched")
-        await screen.shows("ago, only the picture held")
-        await screen.until(lambda: filled(screen), "the whole picture")
-        assert "20 s held" not in screen.text
-        await screen.do("find", "h", "enter")
-        await screen.shows("highest, ")
-        await screen.shows(": 40.0000 at -")
-        await screen.shows("(picture only, to ")
-        assert abs((monitor(screen).window.at_ns - START_NS) / 1e9 % 4) < 0.2  # a spike every 4 s
-        await screen.do("cursor_b", *["shift+left"] * 3)
-        await screen.shows("picture only, to ")
-        await screen.shows("; mean, std and rms need all samples")
+    await open_torque(screen)
+    await screen.until(lambda: filled(screen), "the whole picture")
+    fake.cut()
+    await screen.press("space")
+    await screen.shows("only the picture fetched")
+    await screen.shows("ago, only the picture held")
+    await screen.until(lambda: filled(screen), "the whole picture")
+    assert "20 s held" not in screen.text
+    await screen.do("find", "h", "enter")
+    await screen.shows("highest, ")
+    await screen.shows(": 40.0000 at -")
+    await screen.shows("(picture only, to ")
+    assert abs((monitor(screen).window.at_ns - START_NS) / 1e9 % 4) < 0.2  # a spike every 4 s
+    await screen.do("cursor_b", *["shift+left"] * 3)
+    await screen.shows("picture only, to ")
+    await screen.shows("; mean, std and rms need all samples")
 
-        def told():
-            line = [line for line in screen.text.splitlines() if "torque" in line][-1]
-            words = line.split()[1:]
-            return words if len(words) == 5 and all(re.fullmatch(r"[-+.\de]+", word) for word in words) else []
+    def told():
+        line = [line for line in screen.text.splitlines() if "torque" in line][-1]
+        words = line.split()[1:]
+        return words if len(words) == 5 and all(re.fullmatch(r"[-+.\de]+", word) for word in words) else []
 
-        await screen.until(told, "facts of the columns between the cursors")
-        at_a, _, _, smallest, largest = map(float, told())
-        assert smallest <= at_a <= largest
-
-
-async def test_what_one_key_entered_escape_leaves_in_one_and_space_again_or_leaving_the_plots_lets_go(fake, opened):
-    async with opened(fake.run(60)) as screen:
-        await open_torque(screen)
-        shown = monitor(screen)
-        for keys, steps in (
-            (("find", "h", "enter"), ["Live"]), (("home",), ["Live"]), (("space", "h"), ["No cursor", "Live"]),
-            (("h",), ["No cursor"]),
-        ):  # fmt: skip
-            await screen.do(*keys)
-            await screen.until(lambda: shown.window.cursor is not None, "the cursor is there")
-            for step in steps:
-                await screen.until(lambda step=step: shown.way_back()[0] == step, step)
-                await screen.press("escape")
-            await screen.until(lambda: shown.window.cursor is None and not shown.window.paused, "all is left")
-            assert screen.app.screen is shown
-        held = await hold(screen)
-        await screen.press("space")
-        await screen.until(lambda: not fake.pins, "the pin is let go of")
-        fake.advance(3)
-        await screen.until(lambda: store_of(screen).end * store_of(screen).column_ns > held.end_ns, "it goes on")
-        await hold(screen)
-        assert fake.pins
-        await screen.press("escape", "escape")
-        await screen.until(lambda: not fake.pins, "the pin is let go of")
+    await screen.until(told, "facts of the columns between the cursors")
+    at_a, _, _, smallest, largest = map(float, told())
+    assert smallest <= at_a <= largest
 
 
-async def test_what_was_held_for_a_question_that_is_left_goes_on(fake, opened):
-    """One key held the picture to look for something in it: one that looks for nothing lets go of it."""
-    async with opened(fake.run(60)) as screen:
-        await open_torque(screen)
-        shown = monitor(screen)
-        for letters in ("", "-3s", "last above 1", "torque > 1"):
-            await screen.do("find")
-            await screen.shows("Find in")
-            await screen.type(letters)
-            assert shown.window.paused
+async def test_what_one_key_entered_escape_leaves_in_one_and_space_again_or_leaving_the_plots_lets_go(
+    fake, screen, ran_s=60
+):
+    await open_torque(screen)
+    shown = monitor(screen)
+    for keys, steps in (
+        (("find", "h", "enter"), ["Live"]), (("home",), ["Live"]), (("space", "h"), ["No cursor", "Live"]),
+        (("h",), ["No cursor"]),
+    ):  # fmt: skip
+        await screen.do(*keys)
+        await screen.until(lambda: shown.window.cursor is not None, "the cursor is there")
+        for step in steps:
+            await screen.until(lambda step=step: shown.way_back()[0] == step, step)
             await screen.press("escape")
-            await screen.until(lambda: not shown.window.paused and not fake.pins, "it goes on")
-            assert screen.app.screen is shown
-        await hold(screen)
+        await screen.until(lambda: shown.window.cursor is None and not shown.window.paused, "all is left")
+        assert screen.app.screen is shown
+    held = await hold(screen)
+    await screen.press("space")
+    await screen.until(lambda: not fake.pins, "the pin is let go of")
+    fake.advance(3)
+    await screen.until(lambda: store_of(screen).end * store_of(screen).column_ns > held.end_ns, "it goes on")
+    await hold(screen)
+    assert fake.pins
+    await screen.press("escape", "escape")
+    await screen.until(lambda: not fake.pins, "the pin is let go of")
+
+
+async def test_what_was_held_for_a_question_that_is_left_goes_on(fake, screen, ran_s=60):
+    """One key held the picture to look for something in it: one that looks for nothing lets go of it."""
+    await open_torque(screen)
+    shown = monitor(screen)
+    for letters in ("", "-3s", "last above 1", "torque > 1"):
         await screen.do("find")
+        await screen.shows("Find in")
+        await screen.type(letters)
+        assert shown.window.paused
         await screen.press("escape")
-        await screen.until(lambda: screen.app.screen is shown, "the plots")
-        assert shown.window.paused, "that pause was another key's"
+        await screen.until(lambda: not shown.window.paused and not fake.pins, "it goes on")
+        assert screen.app.screen is shown
+    await hold(screen)
+    await screen.do("find")
+    await screen.press("escape")
+    await screen.until(lambda: screen.app.screen is shown, "the plots")
+    assert shown.window.paused, "that pause was another key's"
 
 
 async def test_scrolling_back_while_it_runs_looks_into_the_buffers_and_end_returns(deep, opened):
@@ -259,22 +257,21 @@ async def test_scrolling_back_while_it_runs_looks_into_the_buffers_and_end_retur
 
 
 async def test_where_no_more_is_held_scrolling_back_says_so_until_it_goes_on_and_holes_are_told_without_a_key(
-    fake, opened, monkeypatch
+    monkeypatch, screen, ran_s=60
 ):
-    async with opened(fake.run(60)) as screen:
-        await open_torque(screen)
-        await screen.press("pageup")
-        await screen.shows("that is the oldest: /legs/LF/HAA/torque holds 10 s (buffer looping")
-        assert "PAUSED" in screen.text
-        await screen.press("escape")
-        await screen.until(lambda: not monitor(screen).window.paused, "it goes on")
-        assert monitor(screen).line.said == ""
-        monkeypatch.setattr(screen.app.screen.stack, "missing", lambda before: "2 s before the start")
-        screen.app._second()
-        await screen.shows("2 s before the start")
-        monkeypatch.setattr(screen.app.screen.stack, "missing", lambda before: "")
-        screen.app._second()
-        await screen.until(lambda: "before the start" not in screen.text)
+    await open_torque(screen)
+    await screen.press("pageup")
+    await screen.shows("that is the oldest: /legs/LF/HAA/torque holds 10 s (buffer looping")
+    assert "PAUSED" in screen.text
+    await screen.press("escape")
+    await screen.until(lambda: not monitor(screen).window.paused, "it goes on")
+    assert monitor(screen).line.said == ""
+    monkeypatch.setattr(screen.app.screen.stack, "missing", lambda before: "2 s before the start")
+    screen.app._second()
+    await screen.shows("2 s before the start")
+    monkeypatch.setattr(screen.app.screen.stack, "missing", lambda before: "")
+    screen.app._second()
+    await screen.until(lambda: "before the start" not in screen.text)
 
 
 async def test_scrolling_back_by_less_than_half_a_window_says_how_far_it_went_and_why(new_fake, opened):
@@ -312,46 +309,41 @@ async def test_of_several_signals_that_which_is_held_longest_ends_what_is_held_a
         await screen.shows("that is the oldest: /legs/LH/HAA/torque holds 12 s (buffer looping")
 
 
-async def test_buffers_that_hold_more_than_they_were_asked_to_are_looked_back_in(fake, opened, monkeypatch):
-    async with opened(fake.run(60)) as screen:
-        await open_torque(screen)
-        monkeypatch.setattr(type(screen.session.source), "period_ns", lambda source, name: 1_000_000)  # of 2.5 ms
-        window = monitor(screen).window
-        await screen.press("plus")
-        await screen.until(lambda: window.span_s == 5.0)
-        await screen.press("pageup")
-        half_ns = 2 * 10**9
-        await screen.until(lambda: window.paused and window.paused_end_ns < fake.now_ns - half_ns, "half a window back")
-        assert "oldest" not in screen.text
+async def test_buffers_that_hold_more_than_they_were_asked_to_are_looked_back_in(fake, monkeypatch, screen, ran_s=60):
+    await open_torque(screen)
+    monkeypatch.setattr(type(screen.session.source), "period_ns", lambda source, name: 1_000_000)  # of 2.5 ms
+    window = monitor(screen).window
+    await screen.press("plus")
+    await screen.until(lambda: window.span_s == 5.0)
+    await screen.press("pageup")
+    half_ns = 2 * 10**9
+    await screen.until(lambda: window.paused and window.paused_end_ns < fake.now_ns - half_ns, "half a window back")
+    assert "oldest" not in screen.text
 
 
-async def test_a_spike_of_one_sample_shows_in_what_is_pinned_at_every_zoom_fetched_or_not(fake, opened):
-    async with opened(fake.run(61)) as screen:
-        await open_torque(screen)
-        held = await hold(screen)
-        for column_ns in (1_000_000, 10_000_000, 250_000_000):
-            found = held.columns([TORQUE], held.begin_ns, held.end_ns, column_ns)
-            if found.low.shape[1] < 4096:
-                assert np.nanmax(found.high) == 40.0
-        _, values = await held.samples(TORQUE, held.begin_ns, held.end_ns)
-        assert values.max() == 40.0
-        held.main._slices.clear()  # columns of what is not fetched come from wider ones
-        wide = held.columns([TORQUE], held.begin_ns, held.end_ns, 500_000_000)
-        close = held.columns([TORQUE], held.end_ns - 10**9, held.end_ns, 2_000_000)
-        assert np.nanmax(wide.high) == 40.0
-        assert np.isfinite(close.low).mean() > 0.95
+async def test_a_spike_of_one_sample_shows_in_what_is_pinned_at_every_zoom_fetched_or_not(screen, ran_s=61):
+    await open_torque(screen)
+    held = await hold(screen)
+    for column_ns in (1_000_000, 10_000_000, 250_000_000):
+        found = held.columns([TORQUE], held.begin_ns, held.end_ns, column_ns)
+        if found.low.shape[1] < 4096:
+            assert np.nanmax(found.high) == 40.0
+    _, values = await held.samples(TORQUE, held.begin_ns, held.end_ns)
+    assert values.max() == 40.0
+    held.main._slices.clear()  # columns of what is not fetched come from wider ones
+    wide = held.columns([TORQUE], held.begin_ns, held.end_ns, 500_000_000)
+    close = held.columns([TORQUE], held.end_ns - 10**9, held.end_ns, 2_000_000)
+    assert np.nanmax(wide.high) == 40.0
+    assert np.isfinite(close.low).mean() > 0.95
 
 
-async def test_what_was_found_is_read_whole_at_80_columns(fake, opened):
-    async with opened(fake.run(60)) as screen:
-        await screen.enter("/LF/", "asterisk", "m")
-        await screen.curves()
-        await screen.do("find", "h", "enter")
-        await screen.until(
-            lambda: re.search(r"highest in \S+, \d+ of \d+: \S+ at -\d+\.\d+ s", screen.text), "the answer"
-        )
-        told = next(line for line in screen.text.splitlines() if "highest in" in line)
-        assert re.search(r" s( of \d+ s held)? \(", told)
+async def test_what_was_found_is_read_whole_at_80_columns(screen, ran_s=60):
+    await screen.enter("/LF/", "asterisk", "m")
+    await screen.curves()
+    await screen.do("find", "h", "enter")
+    await screen.until(lambda: re.search(r"highest in \S+, \d+ of \d+: \S+ at -\d+\.\d+ s", screen.text), "the answer")
+    told = next(line for line in screen.text.splitlines() if "highest in" in line)
+    assert re.search(r" s( of \d+ s held)? \(", told)
 
 
 # ------------------------------------------------------------------------------- what the buffers hold behind the pin
@@ -477,53 +469,50 @@ async def open_gait(screen):
     await screen.curves()
 
 
-async def test_in_a_pause_words_and_values_are_those_of_the_cursor_not_of_now(fake, opened):
-    async with opened(fake.run(60.5)) as screen:
-        await open_gait(screen)
-        words = ("stand", "walk", "trot")  # each for 3 s
-        pinned = words[int(60.5 / 3) % 3]
-        await screen.shows(f"now {pinned}")
-        await hold(screen)
-        await screen.shows(f"at end {pinned}")
-        fake.advance(3.2)
-        seen_ns = fake.now_ns
-        await screen.until(lambda: screen.session.frame_time_ns == seen_ns, "a live frame")
-        await screen.pilot.pause()
-        assert f"at end {pinned}" in screen.text
-        assert "now " not in screen.text.replace("nowhere", "")
-        await screen.press("right")  # the cursor comes in at the left
-        other = words[int(50.5 / 3) % 3]
-        await screen.shows(f"at cursor {other}")
-        await screen.until(lambda: f"│{other}" in screen.text, "the word beside the band")
-        await screen.press("escape")
-        await screen.shows(f"at end {pinned}")
+async def test_in_a_pause_words_and_values_are_those_of_the_cursor_not_of_now(fake, screen, ran_s=60.5):
+    await open_gait(screen)
+    words = ("stand", "walk", "trot")  # each for 3 s
+    pinned = words[int(60.5 / 3) % 3]
+    await screen.shows(f"now {pinned}")
+    await hold(screen)
+    await screen.shows(f"at end {pinned}")
+    fake.advance(3.2)
+    seen_ns = fake.now_ns
+    await screen.until(lambda: screen.session.frame_time_ns == seen_ns, "a live frame")
+    await screen.pilot.pause()
+    assert f"at end {pinned}" in screen.text
+    assert "now " not in screen.text.replace("nowhere", "")
+    await screen.press("right")  # the cursor comes in at the left
+    other = words[int(50.5 / 3) % 3]
+    await screen.shows(f"at cursor {other}")
+    await screen.until(lambda: f"│{other}" in screen.text, "the word beside the band")
+    await screen.press("escape")
+    await screen.shows(f"at end {pinned}")
 
 
-async def test_who_goes_on_while_a_moment_is_brought_is_led_nowhere(fake, opened, monkeypatch):
-    async with opened(fake.run(61)) as screen:
-        await open_torque(screen)
-        await hold(screen)
-        plots, bring = screen.app.screen, screen.app.screen.pause.bring
+async def test_who_goes_on_while_a_moment_is_brought_is_led_nowhere(fake, monkeypatch, screen, ran_s=61):
+    await open_torque(screen)
+    await hold(screen)
+    plots, bring = screen.app.screen, screen.app.screen.pause.bring
 
-        async def brought(*asked):
-            plots.go_on()
-            return True
+    async def brought(*asked):
+        plots.go_on()
+        return True
 
-        monkeypatch.setattr(plots.pause, "bring", brought)
-        assert not await plots.jump_to(fake.now_ns)
-        assert not plots.window.paused
-        monkeypatch.setattr(plots.pause, "bring", bring)
-        await screen.shows("live")
+    monkeypatch.setattr(plots.pause, "bring", brought)
+    assert not await plots.jump_to(fake.now_ns)
+    assert not plots.window.paused
+    monkeypatch.setattr(plots.pause, "bring", bring)
+    await screen.shows("live")
 
 
-async def test_what_is_offered_before_the_line_is_drawn_stands_in_it(fake, opened):
-    async with opened(fake) as screen:
-        asked, answers = Prompt("Level", "of what", "", "20"), []
-        screen.app.push_screen(asked, answers.append)
-        asked.offer("40")
-        await screen.settled()
-        await screen.press("enter")
-        assert answers == ["40"]
+async def test_what_is_offered_before_the_line_is_drawn_stands_in_it(screen):
+    asked, answers = Prompt("Level", "of what", "", "20"), []
+    screen.app.push_screen(asked, answers.append)
+    asked.offer("40")
+    await screen.settled()
+    await screen.press("enter")
+    assert answers == ["40"]
 
 
 # ------------------------------------------------------------------------------------ when nothing could be pinned
@@ -576,16 +565,15 @@ async def test_what_could_not_be_pinned_is_pinned_whole_when_the_link_is_back(de
         await screen.shows("ago, 20 s held")
 
 
-async def test_the_title_tells_the_sample_that_was_found_and_a_crossing_is_offered_at_its_value(fake, opened):
-    async with opened(fake.run(61)) as screen:
-        await open_torque(screen)
-        await hold(screen)
-        await screen.do("find", "h", "enter")
-        await screen.shows("of 3: 40")
-        await screen.until(lambda: re.search(r"at cursor 40(\.0*)? \(-?[\d.]+ … 40", screen.text), "the sample")
-        fake.advance(1.3)
-        await screen.do("find")
-        await screen.until(lambda: screen.app.screen.query_one(Input).placeholder.startswith("e.g. > 40 "), "the spike")
+async def test_the_title_tells_the_sample_that_was_found_and_a_crossing_is_offered_at_its_value(fake, screen, ran_s=61):
+    await open_torque(screen)
+    await hold(screen)
+    await screen.do("find", "h", "enter")
+    await screen.shows("of 3: 40")
+    await screen.until(lambda: re.search(r"at cursor 40(\.0*)? \(-?[\d.]+ … 40", screen.text), "the sample")
+    fake.advance(1.3)
+    await screen.do("find")
+    await screen.until(lambda: screen.app.screen.query_one(Input).placeholder.startswith("e.g. > 40 "), "the spike")
 
 
 async def test_what_lies_between_is_added_up_in_the_helper_where_it_is_not_here(deep, opened, monkeypatch):

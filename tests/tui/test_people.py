@@ -19,13 +19,10 @@ async def test_the_head_says_who_else_has_control_and_how_many_are_there(fake, o
         await screen.shows("control taken (anna (proven) from desk2, silo-tui 2)")
 
 
-async def test_control_that_is_handed_to_us_is_renewed_from_then_on(fake, opened):
-    async with opened(fake) as screen:
-        fake._controlled_by("me@here silo-tui 1", "@local me")
-        fake.publish(
-            fake.kinds.CONTROL, "control given to me@here silo-tui 1", by="anna (proven) from desk2, silo-tui 2"
-        )
-        await screen.until(lambda: ("take_control", False) in fake.calls)
+async def test_control_that_is_handed_to_us_is_renewed_from_then_on(fake, screen):
+    fake._controlled_by("me@here silo-tui 1", "@local me")
+    fake.publish(fake.kinds.CONTROL, "control given to me@here silo-tui 1", by="anna (proven) from desk2, silo-tui 2")
+    await screen.until(lambda: ("take_control", False) in fake.calls)
 
 
 async def test_events_say_whether_a_name_is_proven(fake, opened):

@@ -89,31 +89,30 @@ class TestScreens:
             fake.recorder_infos = [structs.replace(WALK, size_bytes=22 * 10**9), FULL]
             await screen.shows("REC 1  22 of 50 GB")
 
-    async def test_what_is_marked_is_recorded_with_split_and_budget(self, fake, opened):
-        async with opened(fake) as screen:
-            await screen.type("/LF torque")
-            await screen.do("enter", "asterisk", "escape", "recordings")
-            await screen.shows("Nothing is saved")
-            await screen.do("record")
-            await screen.shows("3 signals: about 31.2 kB/s in .mcap files")
-            await screen.press("tab")
-            await screen.type("walks")
-            await screen.press("tab", "tab", "tab")
-            await screen.type("all")
-            assert screen.app.screen.made().keep == ""
-            await screen.press(*["backspace"] * 3)
-            await screen.type("200MB")
-            await screen.shows("a part ends at 100 MB, half of it")
-            await screen.press(*["backspace"] * 5)
-            await screen.type("2GB")
-            await screen.shows("keeps about the newest 17.8 h")
-            assert "a part ends" not in screen.text
-            await screen.press("enter")
-            await screen.shows("recording 'robot' to /home/ann/logs/walks")
-            names = tuple(f"/log/legs/LF/{joint}/torque" for joint in ("HAA", "HFE", "KFE"))
-            assert ("record", names, "walks", "1GB", "2GB", "") in fake.calls
-            await screen.shows("walks/robot")
-            await screen.shows("REC 1")
+    async def test_what_is_marked_is_recorded_with_split_and_budget(self, fake, screen):
+        await screen.type("/LF torque")
+        await screen.do("enter", "asterisk", "escape", "recordings")
+        await screen.shows("Nothing is saved")
+        await screen.do("record")
+        await screen.shows("3 signals: about 31.2 kB/s in .mcap files")
+        await screen.press("tab")
+        await screen.type("walks")
+        await screen.press("tab", "tab", "tab")
+        await screen.type("all")
+        assert screen.app.screen.made().keep == ""
+        await screen.press(*["backspace"] * 3)
+        await screen.type("200MB")
+        await screen.shows("a part ends at 100 MB, half of it")
+        await screen.press(*["backspace"] * 5)
+        await screen.type("2GB")
+        await screen.shows("keeps about the newest 17.8 h")
+        assert "a part ends" not in screen.text
+        await screen.press("enter")
+        await screen.shows("recording 'robot' to /home/ann/logs/walks")
+        names = tuple(f"/log/legs/LF/{joint}/torque" for joint in ("HAA", "HFE", "KFE"))
+        assert ("record", names, "walks", "1GB", "2GB", "") in fake.calls
+        await screen.shows("walks/robot")
+        await screen.shows("REC 1")
 
     @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
     async def test_what_is_recorded_for_a_while_alone_is_said_before_where_it_records_to(self, size, fake, opened):
@@ -147,31 +146,30 @@ class TestScreens:
             await screen.type("second")
             await screen.until(lambda: "go first" not in screen.text)
 
-    async def test_what_makes_no_sense_is_said_where_one_types_and_nothing_is_recorded(self, fake, opened):
-        async with opened(fake) as screen:
-            await screen.do("recordings")
-            await screen.shows("Nothing is saved")
-            await screen.do("stop_recording")
-            await screen.shows("nothing is being recorded; N begins it")
-            await screen.do("record")
-            await screen.shows("72 signals")
-            for name in ("signals", "to", "name"):  # the field that has the keys is seen without colours
-                await screen.shows(f">{name} ")
-                assert screen.text.count("│ >") + screen.text.count(" >name") == 1
-                await screen.press("tab")
-            await screen.type("x")
-            await screen.shows("split must be a size from 1MB or a time")
-            await screen.press("enter")
-            await screen.shows("split must be")
-            await screen.press("escape")
-            await screen.until(lambda: not screen.app.screen.is_modal)
-            await screen.enter(":record nobody")
-            await screen.shows("no element matches 'nobody'")
-            await screen.press("escape")
-            await screen.until(lambda: not screen.app.screen.is_modal)
-            await screen.enter(":record marked")
-            await screen.shows("nothing is marked: mark elements in the table, or write all, or names")
-            assert not fake.recorder_infos
+    async def test_what_makes_no_sense_is_said_where_one_types_and_nothing_is_recorded(self, fake, screen):
+        await screen.do("recordings")
+        await screen.shows("Nothing is saved")
+        await screen.do("stop_recording")
+        await screen.shows("nothing is being recorded; N begins it")
+        await screen.do("record")
+        await screen.shows("72 signals")
+        for name in ("signals", "to", "name"):  # the field that has the keys is seen without colours
+            await screen.shows(f">{name} ")
+            assert screen.text.count("│ >") + screen.text.count(" >name") == 1
+            await screen.press("tab")
+        await screen.type("x")
+        await screen.shows("split must be a size from 1MB or a time")
+        await screen.press("enter")
+        await screen.shows("split must be")
+        await screen.press("escape")
+        await screen.until(lambda: not screen.app.screen.is_modal)
+        await screen.enter(":record nobody")
+        await screen.shows("no element matches 'nobody'")
+        await screen.press("escape")
+        await screen.until(lambda: not screen.app.screen.is_modal)
+        await screen.enter(":record marked")
+        await screen.shows("nothing is marked: mark elements in the table, or write all, or names")
+        assert not fake.recorder_infos
 
     async def test_what_was_typed_stands_in_the_lines_again_where_it_is_refused(self, fake, opened, monkeypatch):
         def refused(*given):
@@ -246,9 +244,8 @@ class TestScreens:
             fake.recorder_infos = [structs.replace(WALK, parts=WALK.parts + 1)]
             await screen.until(lambda: len(asked) > before, "the list anew")
 
-    async def test_a_read_only_session_records_nothing(self, fake, opened):
-        async with opened(fake, read_only=True) as screen:
-            await screen.do("recordings")
-            await screen.shows("Nothing is saved")
-            await screen.do("record")
-            await screen.shows("Record: this is read-only")
+    async def test_a_read_only_session_records_nothing(self, screen, read_only=True):
+        await screen.do("recordings")
+        await screen.shows("Nothing is saved")
+        await screen.do("record")
+        await screen.shows("Record: this is read-only")

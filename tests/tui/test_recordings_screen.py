@@ -78,27 +78,25 @@ def lines_with(screen, words):
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
-async def test_the_list_says_why_when_how_long_how_large(opened, fake, logs, size):
-    async with opened(fake, size=size) as screen:
-        await at_recordings(screen)
-        (line,) = lines_with(screen, "trigger fall")
-        assert "00007_fall_3" in line
-        assert "6 s" in line
-        assert "kB" in line
-        assert line.rstrip().endswith("T")
-        found = screen.text.splitlines()
-        order = [next(place for place, line in enumerate(found) if words in line) for words in ("fall_3", "00006")]
-        assert order == sorted(order)
-        assert re.search(r"3 saved │ [\d.]+ .?B of [\d.]+ .?B free", screen.text)
-        assert "by bob@lab" in screen.text
-        assert size[0] > 80 or (lines_with(screen, "arm…00003") and lines_with(screen, "  …00006"))  # ours apart
-        assert all(len(line) <= size[0] for line in found)
+async def test_the_list_says_why_when_how_long_how_large(screen, logs, size):
+    await at_recordings(screen)
+    (line,) = lines_with(screen, "trigger fall")
+    assert "00007_fall_3" in line
+    assert "6 s" in line
+    assert "kB" in line
+    assert line.rstrip().endswith("T")
+    found = screen.text.splitlines()
+    order = [next(place for place, line in enumerate(found) if words in line) for words in ("fall_3", "00006")]
+    assert order == sorted(order)
+    assert re.search(r"3 saved │ [\d.]+ .?B of [\d.]+ .?B free", screen.text)
+    assert "by bob@lab" in screen.text
+    assert size[0] > 80 or (lines_with(screen, "arm…00003") and lines_with(screen, "  …00006"))  # ours apart
+    assert all(len(line) <= size[0] for line in found)
 
 
-async def test_nothing_saved_yet_is_told_with_the_key_that_saves(opened, fake):
-    async with opened(fake) as screen:
-        await screen.do("recordings")
-        await screen.shows("Nothing is saved in /home/ann/logs yet. w in the table")
+async def test_nothing_saved_yet_is_told_with_the_key_that_saves(screen):
+    await screen.do("recordings")
+    await screen.shows("Nothing is saved in /home/ann/logs yet. w in the table")
 
 
 # ------------------------------------------------------------------------------------------------ opening in place
@@ -131,73 +129,70 @@ async def test_esc_gives_an_opening_up_and_what_is_typed_meanwhile_is_for_the_ta
 
 
 async def test_enter_opens_the_file_escape_comes_back_to_table_or_plots_and_what_happened_meanwhile_is_followed(
-    opened, fake, logs
+    screen, fake, logs, ran_s=12
 ):
-    async with opened(fake.run()) as screen:
-        await at_recordings(screen)
-        await screen.press("j", "enter")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
-        await screen.shows("legs/LF/HAA/torque")
-        assert "FILE " in screen.text.splitlines()[0]
-        assert "00006" in screen.text.splitlines()[0]
-        await screen.press("m")
-        await screen.until(lambda: screen.app.screen.scope == "file_monitor", "its plots")
-        await screen.press("escape")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
-        await screen.press("escape")
-        await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the list")
-        assert screen.app.screen.chosen.stem.endswith("00006")
-        await screen.press("escape")
-        await screen.until(lambda: isinstance(screen.app.screen, TableScreen), "the table")
-        await screen.press("m")
-        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "plots")
-        plotted = [each.name for each in screen.app.screen.stack.plots]
-        await at_recordings(screen)
-        await screen.press("enter")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
-        await screen.press("escape", "escape")
-        await screen.until(lambda: type(screen.app.screen) is MonitorScreen, "plots")
-        assert [each.name for each in screen.app.screen.stack.plots] == plotted
-        fake.advance(1.0)
-        before = screen.session.frame_time_ns
-        fake.advance(1.0)
-        await screen.until(lambda: screen.session.frame_time_ns > before, "frames")
-        await screen.press("escape")
-        live = screen.session
-        await at_recordings(screen)
-        await screen.press("enter")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
-        fake.state = State.STOPPED
-        fake.somebody_edits("/log/base/position", divider=7)
-        await screen.press("escape")
-        await screen.until(lambda: not live.running and live.table.revision == fake.revision, "the news")
-        await screen.shows("STOPPED")
-        await screen.press("enter")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
-        fake.cut()
-        await screen.press("escape")
-        await screen.shows("NO LINK")
+    await at_recordings(screen)
+    await screen.press("j", "enter")
+    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+    await screen.shows("legs/LF/HAA/torque")
+    assert "FILE " in screen.text.splitlines()[0]
+    assert "00006" in screen.text.splitlines()[0]
+    await screen.press("m")
+    await screen.until(lambda: screen.app.screen.scope == "file_monitor", "its plots")
+    await screen.press("escape")
+    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+    await screen.press("escape")
+    await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the list")
+    assert screen.app.screen.chosen.stem.endswith("00006")
+    await screen.press("escape")
+    await screen.until(lambda: isinstance(screen.app.screen, TableScreen), "the table")
+    await screen.press("m")
+    await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "plots")
+    plotted = [each.name for each in screen.app.screen.stack.plots]
+    await at_recordings(screen)
+    await screen.press("enter")
+    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+    await screen.press("escape", "escape")
+    await screen.until(lambda: type(screen.app.screen) is MonitorScreen, "plots")
+    assert [each.name for each in screen.app.screen.stack.plots] == plotted
+    fake.advance(1.0)
+    before = screen.session.frame_time_ns
+    fake.advance(1.0)
+    await screen.until(lambda: screen.session.frame_time_ns > before, "frames")
+    await screen.press("escape")
+    live = screen.session
+    await at_recordings(screen)
+    await screen.press("enter")
+    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+    fake.state = State.STOPPED
+    fake.somebody_edits("/log/base/position", divider=7)
+    await screen.press("escape")
+    await screen.until(lambda: not live.running and live.table.revision == fake.revision, "the news")
+    await screen.shows("STOPPED")
+    await screen.press("enter")
+    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+    fake.cut()
+    await screen.press("escape")
+    await screen.shows("NO LINK")
 
 
-async def test_pending_edits_are_asked_for_when_one_quits_from_a_file(opened, fake, logs):
-    async with opened(fake) as screen:
-        await screen.do("toggle")
-        await at_recordings(screen)
-        await screen.press("enter")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
-        await screen.press("q")
-        await screen.shows("Quit without applying?")
-        assert screen.session.table.pending_count[0] == 1
+async def test_pending_edits_are_asked_for_when_one_quits_from_a_file(screen, logs):
+    await screen.do("toggle")
+    await at_recordings(screen)
+    await screen.press("enter")
+    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+    await screen.press("q")
+    await screen.shows("Quit without applying?")
+    assert screen.session.table.pending_count[0] == 1
 
 
-async def test_a_file_that_vanished_is_told(opened, fake, logs):
-    async with opened(fake) as screen:
-        await at_recordings(screen)
-        for path in logs.glob("*fall*"):
-            path.unlink()
-        await screen.press("enter")
-        await screen.shows("can't be opened")
-        assert isinstance(screen.app.screen, RecordingsScreen)
+async def test_a_file_that_vanished_is_told(screen, logs):
+    await at_recordings(screen)
+    for path in logs.glob("*fall*"):
+        path.unlink()
+    await screen.press("enter")
+    await screen.shows("can't be opened")
+    assert isinstance(screen.app.screen, RecordingsScreen)
 
 
 async def test_a_recording_from_far_away_is_fetched_first_and_only_once(opened, fake, logs, tmp_path, monkeypatch):
@@ -299,25 +294,24 @@ async def test_a_capture_that_is_nowhere_any_more_is_told(opened, fake, captured
         assert screen.app.screen.scope == "triggers"
 
 
-async def test_on_the_table_of_a_dead_robot_enter_opens_what_it_left_also_without_a_link(opened, fake, logs):
-    async with opened(fake.run()) as screen:
-        fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
-        left = [SavedFile(str(logs / "robot_20260921_14-00-00_00006.silo"), FileType.SILO, 1)]
-        fake.publish(EventKind.CRASHED, fake.reason, files=left)
-        await screen.shows("Enter opens it")
-        await screen.shows("m Open the file")
-        assert "S Start" not in screen.text
-        screen.app.begin_command("open")
-        await screen.shows(f"open {left[0].path}"[:60])
-        await screen.press("escape")
-        await screen.do("monitor")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
-        await screen.until(lambda: "00006" in screen.text.partition("\n")[0], "its name")
-        await screen.press("escape")
-        fake.cut()
-        await screen.shows("NO LINK")
-        await screen.do("edit")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+async def test_on_the_table_of_a_dead_robot_enter_opens_what_it_left_also_without_a_link(screen, fake, logs, ran_s=12):
+    fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
+    left = [SavedFile(str(logs / "robot_20260921_14-00-00_00006.silo"), FileType.SILO, 1)]
+    fake.publish(EventKind.CRASHED, fake.reason, files=left)
+    await screen.shows("Enter opens it")
+    await screen.shows("m Open the file")
+    assert "S Start" not in screen.text
+    screen.app.begin_command("open")
+    await screen.shows(f"open {left[0].path}"[:60])
+    await screen.press("escape")
+    await screen.do("monitor")
+    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+    await screen.until(lambda: "00006" in screen.text.partition("\n")[0], "its name")
+    await screen.press("escape")
+    fake.cut()
+    await screen.shows("NO LINK")
+    await screen.do("edit")
+    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
 
 
 async def test_a_file_is_named_in_the_folder_where_the_logger_saves(opened, fake, logs, monkeypatch):
@@ -330,23 +324,22 @@ async def test_a_file_is_named_in_the_folder_where_the_logger_saves(opened, fake
         assert screen.app.screen.query_one("Line").value == f"open {logs.name}/"
 
 
-async def test_on_the_plots_of_a_dead_robot_enter_opens_what_it_left_and_why_is_said_once(opened, fake, logs):
-    async with opened(fake.run()) as screen:
-        await screen.press("m")
-        await screen.until(lambda: screen.app.screen.scope == "monitor", "the plots")
-        screen.app.context.hear("saved what was before")
-        await screen.shows("saved what was before")
-        fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
-        left = [SavedFile(str(logs / "robot_20260921_14-00-00_00006.silo"), FileType.SILO, 1)]
-        fake.publish(EventKind.CRASHED, fake.reason, files=left)
-        await screen.shows("Enter opens it")
-        assert screen.text.count("ended without close()") == 1
-        assert "saved what was before" not in screen.text
-        screen.app.context.hear("it was a battery")
-        await screen.shows("it was a battery")
-        await screen.press("enter")
-        await screen.until(lambda: screen.app.context.file_over_logger, "the file")
-        await screen.until(lambda: "RUN" not in screen.text and "battery" not in screen.text, "the file alone")
+async def test_on_the_plots_of_a_dead_robot_enter_opens_what_it_left_and_why_is_said_once(screen, fake, logs, ran_s=12):
+    await screen.press("m")
+    await screen.until(lambda: screen.app.screen.scope == "monitor", "the plots")
+    screen.app.context.hear("saved what was before")
+    await screen.shows("saved what was before")
+    fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
+    left = [SavedFile(str(logs / "robot_20260921_14-00-00_00006.silo"), FileType.SILO, 1)]
+    fake.publish(EventKind.CRASHED, fake.reason, files=left)
+    await screen.shows("Enter opens it")
+    assert screen.text.count("ended without close()") == 1
+    assert "saved what was before" not in screen.text
+    screen.app.context.hear("it was a battery")
+    await screen.shows("it was a battery")
+    await screen.press("enter")
+    await screen.until(lambda: screen.app.context.file_over_logger, "the file")
+    await screen.until(lambda: "RUN" not in screen.text and "battery" not in screen.text, "the file alone")
 
 
 @pytest.mark.parametrize("may_edit", [True, False])
@@ -361,15 +354,16 @@ async def test_who_comes_later_to_a_dead_robot_opens_it_too(opened, fake, logs, 
         await screen.until(lambda: "00006" in screen.text.partition("\n")[0], "its name")
 
 
-async def test_the_banner_names_the_key_that_opens_it_on_the_screen_where_it_stands(opened, fake, logs):
-    async with opened(fake.run(), size=(160, 50)) as screen:
-        fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
-        fake.publish(EventKind.CRASHED, fake.reason, files=[])
-        await screen.shows("Enter opens it")
-        for key, says in (("A", "F lists it"), ("F", "It is in this list")):
-            await screen.press(key)
-            await screen.shows(says)
-            assert "Enter opens it" not in screen.text
+async def test_the_banner_names_the_key_that_opens_it_on_the_screen_where_it_stands(
+    screen, fake, logs, ran_s=12, size=(160, 50)
+):
+    fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
+    fake.publish(EventKind.CRASHED, fake.reason, files=[])
+    await screen.shows("Enter opens it")
+    for key, says in (("A", "F lists it"), ("F", "It is in this list")):
+        await screen.press(key)
+        await screen.shows(says)
+        assert "Enter opens it" not in screen.text
 
 
 def marked(logs, words):
@@ -443,21 +437,20 @@ async def test_events_that_are_shown_are_written_to_a_csv_file(opened, fake, tmp
 
 
 async def test_w_fetches_to_a_folder_and_says_where_it_is_and_what_is_saved_meanwhile_comes_into_the_list(
-    opened, fake, logs, tmp_path
+    screen, fake, logs, tmp_path
 ):
-    async with opened(fake) as screen:
-        await at_recordings(screen)
-        await screen.press("w")
-        await screen.shows("to a folder of this")
-        await screen.shows("It lies on this machine already: ")
-        screen.app.screen.query_one("Input").value = str(tmp_path / "here")
-        await screen.press("enter")
-        await screen.shows("fetched:")
-        (file,) = (tmp_path / "here").iterdir()
-        assert file.read_bytes() == (logs / file.name).read_bytes()
-        write(log_of(), logs, "robot", ["silo"], "robot_20260921_14-00-00_00009", why="saved by bob@lab")
-        fake.publish(EventKind.SAVED, "saved it", by="bob@lab")
-        await screen.shows("…00009")
+    await at_recordings(screen)
+    await screen.press("w")
+    await screen.shows("to a folder of this")
+    await screen.shows("It lies on this machine already: ")
+    screen.app.screen.query_one("Input").value = str(tmp_path / "here")
+    await screen.press("enter")
+    await screen.shows("fetched:")
+    (file,) = (tmp_path / "here").iterdir()
+    assert file.read_bytes() == (logs / file.name).read_bytes()
+    write(log_of(), logs, "robot", ["silo"], "robot_20260921_14-00-00_00009", why="saved by bob@lab")
+    fake.publish(EventKind.SAVED, "saved it", by="bob@lab")
+    await screen.shows("…00009")
 
 
 async def test_a_fetch_shows_how_far_it_is_and_the_keys_go_on(opened, fake, logs, tmp_path, monkeypatch):
@@ -524,16 +517,15 @@ async def test_who_may_only_look_may_not_delete(opened, fake, logs):
     assert len(list(logs.glob("*.silo"))) == 3
 
 
-async def test_without_a_link_the_list_stays_and_says_so(opened, fake, logs):
-    async with opened(fake) as screen:
-        await at_recordings(screen)
-        fake.cut()
-        await screen.shows("NO LINK")
-        assert lines_with(screen, "trigger fall")
-        await screen.do("delete_recording")
-        await screen.shows("no link to robot")
-        await screen.press("enter")  # it lies on this machine
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+async def test_without_a_link_the_list_stays_and_says_so(screen, fake, logs):
+    await at_recordings(screen)
+    fake.cut()
+    await screen.shows("NO LINK")
+    assert lines_with(screen, "trigger fall")
+    await screen.do("delete_recording")
+    await screen.shows("no link to robot")
+    await screen.press("enter")  # it lies on this machine
+    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
 
 
 @pytest.mark.parametrize("keys", [("G",), ("/", "b", "o", "b", "enter")])
@@ -588,19 +580,18 @@ async def test_while_the_older_ones_are_asked_for_a_filter_says_so(opened, fake,
         await screen.until(lambda: "asking" not in screen.text)
 
 
-async def test_two_marked_recordings_are_compared(opened, fake, logs):
-    async with opened(fake) as screen:
-        await at_recordings(screen)
-        await screen.do("compare_runs")
-        await screen.shows("two are compared, 1 is marked")
-        await screen.do("mark", "mark")
-        await screen.until(lambda: " Compare" in screen.text.splitlines()[-1], "what two marks are for")
-        await screen.do("overlay_recording")
-        await screen.shows("one at a time lies over the plots, 2 are marked")
-        await screen.do("compare_runs")
-        await screen.shows("00006, then robot_20260921_14-00-00_00007_fall_3")
-        await screen.press("escape")
-        await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the list")
+async def test_two_marked_recordings_are_compared(screen, logs):
+    await at_recordings(screen)
+    await screen.do("compare_runs")
+    await screen.shows("two are compared, 1 is marked")
+    await screen.do("mark", "mark")
+    await screen.until(lambda: " Compare" in screen.text.splitlines()[-1], "what two marks are for")
+    await screen.do("overlay_recording")
+    await screen.shows("one at a time lies over the plots, 2 are marked")
+    await screen.do("compare_runs")
+    await screen.shows("00006, then robot_20260921_14-00-00_00007_fall_3")
+    await screen.press("escape")
+    await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the list")
 
 
 async def test_what_cannot_be_fetched_is_not_compared(opened, fake, logs, monkeypatch):

@@ -94,58 +94,55 @@ def excited(fake, monkeypatch):
     return fake
 
 
-async def test_what_is_excited_is_named_as_the_table_does(excited, opened):
-    async with opened(excited) as screen:
-        await screen.enter(":excite /log/tau chirp 0.2-20Hz amplitude 2 for 30s")
-        await screen.shows("Excite /tau?")
+async def test_what_is_excited_is_named_as_the_table_does(excited, screen):
+    await screen.enter(":excite /log/tau chirp 0.2-20Hz amplitude 2 for 30s")
+    await screen.shows("Excite /tau?")
 
 
-async def test_after_an_excitation_the_answer_of_a_signal_is_drawn(excited, opened):
-    async with opened(excited) as screen:
+async def test_after_an_excitation_the_answer_of_a_signal_is_drawn(excited, screen):
+    await screen.press("colon")
+    await screen.type_or_paste("excite tau chirp 0.2-20Hz amplitude 2 for 30s")
+    await screen.press("enter")
+    await screen.shows("Excite tau?")
+    await screen.press("down", "enter")
+    await screen.shows("it is over, rows 5000 to 20000")
+    line = screen.app.screen.query_one(Input)
+    line.value = "nothing"
+    await screen.press("enter")
+    await screen.shows("no signal 'nothing'")
+    line.value = "/log/q"
+    await screen.press("enter")
+    await screen.shows("coherence 1.00")
+    await screen.shows("frequency [Hz]")
+    assert "BODE  " in screen.text
+    assert "chirp 0.2 to 20 Hz, amplitude 2, for 30 s" in screen.text
+    await screen.do("response_mode")
+    await screen.shows("rise time")
+    assert "STEP  " in screen.text
+    await screen.do("response_mode", "response_again")
+    await screen.shows("coherence 1.00")
+    await screen.press("escape")
+    await screen.until(lambda: screen.app.context.upper_screen.scope == "table")
+
+
+async def test_the_command_shows_it_later_and_says_what_is_wrong(excited, screen):
+    for line, words in (
+        ("bode", ":bode IN OUT"),
+        ("bode tau q x", "two numbers, seconds"),
+        ("bode tau nothing", "no signal 'nothing'"),
+    ):
         await screen.press("colon")
-        await screen.type_or_paste("excite tau chirp 0.2-20Hz amplitude 2 for 30s")
+        await screen.type_or_paste(line)
         await screen.press("enter")
-        await screen.shows("Excite tau?")
-        await screen.press("down", "enter")
-        await screen.shows("it is over, rows 5000 to 20000")
-        line = screen.app.screen.query_one(Input)
-        line.value = "nothing"
-        await screen.press("enter")
-        await screen.shows("no signal 'nothing'")
-        line.value = "/log/q"
-        await screen.press("enter")
-        await screen.shows("coherence 1.00")
-        await screen.shows("frequency [Hz]")
-        assert "BODE  " in screen.text
-        assert "chirp 0.2 to 20 Hz, amplitude 2, for 30 s" in screen.text
-        await screen.do("response_mode")
-        await screen.shows("rise time")
-        assert "STEP  " in screen.text
-        await screen.do("response_mode", "response_again")
-        await screen.shows("coherence 1.00")
+        await screen.shows(words)
         await screen.press("escape")
-        await screen.until(lambda: screen.app.context.upper_screen.scope == "table")
-
-
-async def test_the_command_shows_it_later_and_says_what_is_wrong(excited, opened):
-    async with opened(excited) as screen:
-        for line, words in (
-            ("bode", ":bode IN OUT"),
-            ("bode tau q x", "two numbers, seconds"),
-            ("bode tau nothing", "no signal 'nothing'"),
-        ):
-            await screen.press("colon")
-            await screen.type_or_paste(line)
-            await screen.press("enter")
-            await screen.shows(words)
-            await screen.press("escape")
-        await screen.press("colon")
-        await screen.type_or_paste("bode tau /log/q")
-        await screen.press("enter")
-        await screen.shows("coherence")  # nothing tells of an excitation: of all that is held
-        screen.session.status = replace(screen.session.status, started_ns=1)
-        await screen.do("response_again")
-        await screen.shows("the logger was started anew since")
+    await screen.press("colon")
+    await screen.type_or_paste("bode tau /log/q")
+    await screen.press("enter")
+    await screen.shows("coherence")  # nothing tells of an excitation: of all that is held
+    screen.session.status = replace(screen.session.status, started_ns=1)
+    await screen.do("response_again")
+    await screen.shows("the logger was started anew since")
 
 
 async def test_of_a_file_it_is_what_the_file_tells(tmp_path, on_file):

@@ -88,48 +88,45 @@ async def test_while_a_folder_is_read_it_says_how_far_that_is(fake, opened, fold
         await screen.until(lambda: len(screen.app.screen.shown) == 3)
 
 
-async def test_runs_are_listed_narrowed_by_what_was_measured_opened_and_two_that_are_marked_compared(
-    fake, opened, folder
-):
-    async with opened(fake) as screen:
-        await on_runs(screen, folder)
-        assert [one.name for one in screen.app.screen.shown] == ["run2", "run1", "run0"]
-        await screen.shows("1/1")
-        await screen.press("/", *"max(tau) > 5", "enter")
-        await screen.until(lambda: [one.name for one in screen.app.screen.shown] == ["run2", "run1"])
-        await screen.press("escape")
-        await screen.press("/", *"gait0", "enter")
-        await screen.until(lambda: [one.name for one in screen.app.screen.shown] == ["run0"])
-        await screen.press("enter")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
-        await screen.press("escape")
-        await screen.until(lambda: isinstance(screen.app.screen, RunsScreen))
-        await on_runs(screen, folder)
-        assert sum(isinstance(one, RunsScreen) for one in screen.app.screen_stack) == 1
-        await screen.do("compare_runs")
-        await screen.shows("two are compared, 1 is marked")
-        await screen.do("mark", "mark")
-        await screen.until(lambda: " Compare" in screen.text.splitlines()[-1], "what two marks are for")
-        await screen.do("compare_runs")
-        await screen.shows("run1, then run2")
-        await screen.shows("1 entry differs")
-        assert "/tau" in screen.text and "/log/tau" not in screen.text
-        assert "mean" not in screen.text.splitlines()[1]
-        await screen.pilot.resize_terminal(120, 30)
-        await screen.until(lambda: "mean" in screen.text.splitlines()[1], "the columns for which there is room now")
-        await screen.press("enter")
-        await screen.until(lambda: screen.app.screen.scope == "file_monitor", "the signal of both")
-        assert [[one.name for one in panel] for panel in screen.app.screen.stack.panels] == [
-            ["/log/tau/run1", "/log/tau/run2"]
-        ]
-        await screen.until(lambda: "Its table" in (screen.text.splitlines() or [""])[-1], "the way to the file")
-        await screen.press("escape")
-        await screen.until(lambda: screen.app.screen.scope == "comparison")
-        await screen.press("slash")
-        await screen.enter("nothing")
-        await screen.shows("No line has 'nothing'")
-        await screen.press("escape", "escape")
-        await screen.until(lambda: screen.app.screen.scope == "runs")
+async def test_runs_are_listed_narrowed_by_what_was_measured_opened_and_two_that_are_marked_compared(screen, folder):
+    await on_runs(screen, folder)
+    assert [one.name for one in screen.app.screen.shown] == ["run2", "run1", "run0"]
+    await screen.shows("1/1")
+    await screen.press("/", *"max(tau) > 5", "enter")
+    await screen.until(lambda: [one.name for one in screen.app.screen.shown] == ["run2", "run1"])
+    await screen.press("escape")
+    await screen.press("/", *"gait0", "enter")
+    await screen.until(lambda: [one.name for one in screen.app.screen.shown] == ["run0"])
+    await screen.press("enter")
+    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
+    await screen.press("escape")
+    await screen.until(lambda: isinstance(screen.app.screen, RunsScreen))
+    await on_runs(screen, folder)
+    assert sum(isinstance(one, RunsScreen) for one in screen.app.screen_stack) == 1
+    await screen.do("compare_runs")
+    await screen.shows("two are compared, 1 is marked")
+    await screen.do("mark", "mark")
+    await screen.until(lambda: " Compare" in screen.text.splitlines()[-1], "what two marks are for")
+    await screen.do("compare_runs")
+    await screen.shows("run1, then run2")
+    await screen.shows("1 entry differs")
+    assert "/tau" in screen.text and "/log/tau" not in screen.text
+    assert "mean" not in screen.text.splitlines()[1]
+    await screen.pilot.resize_terminal(120, 30)
+    await screen.until(lambda: "mean" in screen.text.splitlines()[1], "the columns for which there is room now")
+    await screen.press("enter")
+    await screen.until(lambda: screen.app.screen.scope == "file_monitor", "the signal of both")
+    assert [[one.name for one in panel] for panel in screen.app.screen.stack.panels] == [
+        ["/log/tau/run1", "/log/tau/run2"]
+    ]
+    await screen.until(lambda: "Its table" in (screen.text.splitlines() or [""])[-1], "the way to the file")
+    await screen.press("escape")
+    await screen.until(lambda: screen.app.screen.scope == "comparison")
+    await screen.press("slash")
+    await screen.enter("nothing")
+    await screen.shows("No line has 'nothing'")
+    await screen.press("escape", "escape")
+    await screen.until(lambda: screen.app.screen.scope == "runs")
 
 
 async def test_without_a_logger_runs_are_listed_and_opened_too(new_finder, screen_of, folder, monkeypatch):
@@ -146,27 +143,26 @@ async def test_without_a_logger_runs_are_listed_and_opened_too(new_finder, scree
         await screen.shows("No logger is running")
 
 
-async def test_marked_runs_lie_over_each_other_and_a_statistic_is_a_column_and_an_order(fake, opened, folder):
-    async with opened(fake) as screen:
-        await on_runs(screen, folder)
-        await screen.do("overlay_runs")
-        await screen.shows("two or more lie over each other")
-        await screen.do("*", "overlay_runs")
-        await screen.enter("push")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
-        assert list(screen.app.screen.file.table.names) == [f"/log/tau/run{number}" for number in range(3)]
-        await screen.do("back")
-        await screen.until(lambda: isinstance(screen.app.screen, RunsScreen))
-        await screen.until(lambda: "reading 3 runs" not in screen.text, "no word of what is over")
-        await screen.do("runs_column")
-        await screen.enter("max(tau)")
-        await screen.shows("max(tau)")
-        assert list(screen.app.screen.values["max(tau)"].values()) == [3.0, 6.0, 9.0]
-        await screen.press("o", "v", "o", "v")
-        await screen.until(lambda: [one.name for one in screen.app.screen.shown] == ["run0", "run1", "run2"])
-        await screen.do("runs_column")
-        await screen.enter("max(nothing)")
-        await screen.shows("no run has 'nothing'")
+async def test_marked_runs_lie_over_each_other_and_a_statistic_is_a_column_and_an_order(screen, folder):
+    await on_runs(screen, folder)
+    await screen.do("overlay_runs")
+    await screen.shows("two or more lie over each other")
+    await screen.do("*", "overlay_runs")
+    await screen.enter("push")
+    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
+    assert list(screen.app.screen.file.table.names) == [f"/log/tau/run{number}" for number in range(3)]
+    await screen.do("back")
+    await screen.until(lambda: isinstance(screen.app.screen, RunsScreen))
+    await screen.until(lambda: "reading 3 runs" not in screen.text, "no word of what is over")
+    await screen.do("runs_column")
+    await screen.enter("max(tau)")
+    await screen.shows("max(tau)")
+    assert list(screen.app.screen.values["max(tau)"].values()) == [3.0, 6.0, 9.0]
+    await screen.press("o", "v", "o", "v")
+    await screen.until(lambda: [one.name for one in screen.app.screen.shown] == ["run0", "run1", "run2"])
+    await screen.do("runs_column")
+    await screen.enter("max(nothing)")
+    await screen.shows("no run has 'nothing'")
 
 
 async def test_while_runs_that_are_to_lie_over_each_other_are_read_that_is_said_and_esc_keeps_the_marks(
@@ -271,15 +267,14 @@ def test_a_row_of_differences_stands_below_its_titles(width, head):
     assert len(row) == len(made.head) == width
 
 
-async def test_home_and_end_move_a_long_body(fake, opened):
-    async with opened(fake) as screen:
-        await screen.do()
-        screen.app.push_screen(Question("Much", "\n".join(str(line) for line in range(200)), [Choice("", "Close")]))
-        await screen.until(lambda: screen.app.screen.query(".dialog-body"))
-        body = screen.app.screen.query_one(".dialog-body")
-        for key, where in (("end", lambda: body.max_scroll_y), ("home", lambda: 0), ("G", lambda: body.max_scroll_y)):
-            await screen.press(key)
-            await screen.until(lambda where=where: body.scroll_offset.y == where() and body.max_scroll_y, key)
+async def test_home_and_end_move_a_long_body(screen):
+    await screen.do()
+    screen.app.push_screen(Question("Much", "\n".join(str(line) for line in range(200)), [Choice("", "Close")]))
+    await screen.until(lambda: screen.app.screen.query(".dialog-body"))
+    body = screen.app.screen.query_one(".dialog-body")
+    for key, where in (("end", lambda: body.max_scroll_y), ("home", lambda: 0), ("G", lambda: body.max_scroll_y)):
+        await screen.press(key)
+        await screen.until(lambda where=where: body.scroll_offset.y == where() and body.max_scroll_y, key)
 
 
 def test_together_stand_the_moments_that_are_alike():
@@ -299,19 +294,18 @@ def test_together_stand_the_moments_that_are_alike():
         together(logs, "slip")
 
 
-async def test_from_a_file_over_a_logger_the_list_of_runs_leads_back_to_the_logger(fake, opened, folder):
-    async with opened(fake) as screen:
-        await on_runs(screen, folder)
-        await screen.press("enter")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
-        await screen.press("m")
-        await screen.until(lambda: screen.app.screen.scope == "file_monitor")
-        await screen.enter(f":runs {folder}")
-        await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 3)
-        assert sum(isinstance(one, RunsScreen | FileTableScreen) for one in screen.app.screen_stack) == 1
-        assert not screen.app.context.file_over_logger
-        await screen.press("escape")
-        await screen.until(lambda: screen.app.screen.scope == "table")
+async def test_from_a_file_over_a_logger_the_list_of_runs_leads_back_to_the_logger(screen, folder):
+    await on_runs(screen, folder)
+    await screen.press("enter")
+    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
+    await screen.press("m")
+    await screen.until(lambda: screen.app.screen.scope == "file_monitor")
+    await screen.enter(f":runs {folder}")
+    await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 3)
+    assert sum(isinstance(one, RunsScreen | FileTableScreen) for one in screen.app.screen_stack) == 1
+    assert not screen.app.context.file_over_logger
+    await screen.press("escape")
+    await screen.until(lambda: screen.app.screen.scope == "table")
 
 
 def test_runs_whose_samples_have_no_time_in_common_say_which_they_have():
@@ -388,12 +382,11 @@ async def test_a_recording_of_a_run_that_was_saved_is_named_beside_it(fake, open
         await screen.shows("/walks/: 1 of 1")
 
 
-async def test_a_folder_without_runs_says_what_to_do(fake, opened, tmp_path):
-    async with opened(fake) as screen:
-        (tmp_path / "none").mkdir()
-        await screen.press(":", *f"runs {tmp_path / 'none'}", "enter")
-        await screen.shows("There is no run in")
-        assert silo.runs(tmp_path / "none").values("lost") == []
+async def test_a_folder_without_runs_says_what_to_do(screen, tmp_path):
+    (tmp_path / "none").mkdir()
+    await screen.press(":", *f"runs {tmp_path / 'none'}", "enter")
+    await screen.shows("There is no run in")
+    assert silo.runs(tmp_path / "none").values("lost") == []
 
 
 def test_a_name_of_a_run_has_the_room_that_nobody_needs():

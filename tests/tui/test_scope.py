@@ -95,76 +95,71 @@ async def run_to(screen, fake, seconds):
 @pytest.mark.slow
 class TestScreen:
     async def test_a_pulse_of_one_sample_is_caught_by_one_key_on_the_plot_and_those_between_two_looks_counted(
-        self, fake, opened
+        self, fake, screen, ran_s=21
     ):
-        async with opened(fake.run(21)) as screen:
-            scope = await open_scope(screen, fake)
-            await screen.shows("ARMED")
-            assert 5 < scope.settings.level < 40  # halfway
-            await run_to(screen, fake, 25)
-            await screen.shows("CAUGHT")
-            assert scope.caught_ns == START_NS + 24 * 10**9
-            assert np.nanmax(scope.stack.store.high) == 40.0
-            place = int(np.flatnonzero(scope.stack.store.high[0] == 40.0)[0])
-            await run_to(screen, fake, 29)
-            await screen.until(lambda: scope.caught_ns == START_NS + 28 * 10**9, "the next one")
-            assert int(np.flatnonzero(scope.stack.store.high[0] == 40.0)[0]) == place  # it stands still
-            await run_to(screen, fake, 41)
-            await screen.shows("2 more came between")
-            assert scope.caught == 5
-            assert not [call for call in fake.calls if "trigger" in call[0]]
-            assert not fake.pins
+        scope = await open_scope(screen, fake)
+        await screen.shows("ARMED")
+        assert 5 < scope.settings.level < 40  # halfway
+        await run_to(screen, fake, 25)
+        await screen.shows("CAUGHT")
+        assert scope.caught_ns == START_NS + 24 * 10**9
+        assert np.nanmax(scope.stack.store.high) == 40.0
+        place = int(np.flatnonzero(scope.stack.store.high[0] == 40.0)[0])
+        await run_to(screen, fake, 29)
+        await screen.until(lambda: scope.caught_ns == START_NS + 28 * 10**9, "the next one")
+        assert int(np.flatnonzero(scope.stack.store.high[0] == 40.0)[0]) == place  # it stands still
+        await run_to(screen, fake, 41)
+        await screen.shows("2 more came between")
+        assert scope.caught == 5
+        assert not [call for call in fake.calls if "trigger" in call[0]]
+        assert not fake.pins
 
-    async def test_single_catches_once_until_space_arms_it_again(self, fake, opened):
-        async with opened(fake.run(21)) as screen:
-            scope = await open_scope(screen, fake)
-            await screen.do("scope_mode")
-            await screen.shows("SCOPE single")
-            await run_to(screen, fake, 25)
-            await screen.shows("CAUGHT")
-            await run_to(screen, fake, 29)
-            await screen.shows("space arms it again")
-            assert scope.caught == 1
-            await screen.press("space")
-            await screen.shows("ARMED")
-            await run_to(screen, fake, 33)
-            await screen.until(lambda: scope.caught == 2, "one more")
+    async def test_single_catches_once_until_space_arms_it_again(self, fake, screen, ran_s=21):
+        scope = await open_scope(screen, fake)
+        await screen.do("scope_mode")
+        await screen.shows("SCOPE single")
+        await run_to(screen, fake, 25)
+        await screen.shows("CAUGHT")
+        await run_to(screen, fake, 29)
+        await screen.shows("space arms it again")
+        assert scope.caught == 1
+        await screen.press("space")
+        await screen.shows("ARMED")
+        await run_to(screen, fake, 33)
+        await screen.until(lambda: scope.caught == 2, "one more")
 
-    async def test_force_shows_what_is_there_without_a_crossing(self, fake, opened):
-        async with opened(fake.run(21)) as screen:
-            scope = await open_scope(screen, fake)
-            await screen.do("scope_force")
-            await screen.until(lambda: np.isfinite(scope.stack.store.low).any(), "a picture")
-            assert not scope.caught
+    async def test_force_shows_what_is_there_without_a_crossing(self, fake, screen, ran_s=21):
+        scope = await open_scope(screen, fake)
+        await screen.do("scope_force")
+        await screen.until(lambda: np.isfinite(scope.stack.store.low).any(), "a picture")
+        assert not scope.caught
 
-    async def test_the_level_moves_and_settings_are_typed(self, fake, opened):
-        async with opened(fake.run(21)) as screen:
-            scope = await open_scope(screen, fake)
-            for key, sign in (("level_up", 1), ("level_down", -1), ("level_down", -1)):
-                before = scope.settings.level  # a step is a share of the scale, which follows what comes
-                await screen.do(key)
-                assert sign * (scope.settings.level - before) > 0
-            await screen.press("e")
-            await screen.until(lambda: screen.app.screen is not scope, "the line")
-            line = screen.app.screen.query_one("Input")
-            line.value = "falling 3 pre 10 auto"
-            await screen.press("enter")
-            await screen.shows("↓ falling through 3   pre 10%")
-            await screen.press("escape")
-            await screen.until(lambda: screen.app.screen is not scope, "the monitor")
+    async def test_the_level_moves_and_settings_are_typed(self, fake, screen, ran_s=21):
+        scope = await open_scope(screen, fake)
+        for key, sign in (("level_up", 1), ("level_down", -1), ("level_down", -1)):
+            before = scope.settings.level  # a step is a share of the scale, which follows what comes
+            await screen.do(key)
+            assert sign * (scope.settings.level - before) > 0
+        await screen.press("e")
+        await screen.until(lambda: screen.app.screen is not scope, "the line")
+        line = screen.app.screen.query_one("Input")
+        line.value = "falling 3 pre 10 auto"
+        await screen.press("enter")
+        await screen.shows("↓ falling through 3   pre 10%")
+        await screen.press("escape")
+        await screen.until(lambda: screen.app.screen is not scope, "the monitor")
 
-    async def test_an_element_that_is_off_makes_it_blind_and_says_why(self, fake, opened):
-        async with opened(fake.run(21)) as screen:
-            await open_scope(screen, fake)
-            find = fake.find
+    async def test_an_element_that_is_off_makes_it_blind_and_says_why(self, fake, screen, ran_s=21):
+        await open_scope(screen, fake)
+        find = fake.find
 
-            def off(names, *more, **how):
-                found = find(names, *more, **how)
-                return {name: replace(one, why="it is off") for name, one in found.items()}
+        def off(names, *more, **how):
+            found = find(names, *more, **how)
+            return {name: replace(one, why="it is off") for name, one in found.items()}
 
-            fake.find = off
-            fake.advance(1.0)
-            await screen.shows("BLIND")
+        fake.find = off
+        fake.advance(1.0)
+        await screen.shows("BLIND")
 
 
 @pytest.mark.parametrize("typed", ["foo", "rising foo", "pre foo", "20 pre x"])

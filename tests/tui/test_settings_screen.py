@@ -36,20 +36,19 @@ def line_with(screen, words):
 @pytest.mark.parametrize(
     "steps", [("f2", "l"), (":", *"theme light", "enter", "f2"), (":", *"theme", "enter", "l", "f2")]
 )
-async def test_a_theme_shows_at_once_and_w_keeps_it(fake, opened, steps):
-    async with opened(fake) as screen:
-        await screen.press(*("colon" if key == ":" else "space" if key == " " else key for key in steps))
-        await screen.shows("silo settings")
-        assert screen.app.theme == "silo-light"
-        assert line_with(screen, "theme").startswith(">*theme")
-        assert read_file() == (Settings(), [])
-        await screen.press("w")
-        await screen.shows("written")
-        assert read_file() == (Settings(theme="light"), [])
-        assert not line_with(screen, "theme").startswith(">*theme")
-        await screen.press("x", "f2")
-        assert screen.app.theme == "silo-dark"
-        await screen.shows("the settings count until you quit, which asks; F2 w keeps them")
+async def test_a_theme_shows_at_once_and_w_keeps_it(steps, screen):
+    await screen.press(*("colon" if key == ":" else "space" if key == " " else key for key in steps))
+    await screen.shows("silo settings")
+    assert screen.app.theme == "silo-light"
+    assert line_with(screen, "theme").startswith(">*theme")
+    assert read_file() == (Settings(), [])
+    await screen.press("w")
+    await screen.shows("written")
+    assert read_file() == (Settings(theme="light"), [])
+    assert not line_with(screen, "theme").startswith(">*theme")
+    await screen.press("x", "f2")
+    assert screen.app.theme == "silo-dark"
+    await screen.shows("the settings count until you quit, which asks; F2 w keeps them")
 
 
 @pytest.mark.parametrize(("answer", "kept"), [("w", "light"), ("enter", "light"), ("D", "dark")])
@@ -70,56 +69,50 @@ async def test_who_quits_is_asked_once_whether_settings_that_were_changed_are_ke
 
 
 @pytest.mark.parametrize("lines", [[], ["theme dark"], ["theme contrast", "theme light"]])
-async def test_who_changed_no_setting_is_not_asked_as_one_that_a_command_line_gave_or_one_changed_back(
-    fake, opened, lines
-):
-    async with opened(fake) as screen:
-        context = screen.app.context
-        context.settings = context.begun_settings = Settings(theme="light")
-        for line in lines:
-            await screen.enter(f":{line}")
-        await screen.press("q")
-        await screen.until(lambda: not screen.app.is_running)
+async def test_who_changed_no_setting_is_not_asked_as_one_that_a_command_line_gave_or_one_changed_back(lines, screen):
+    context = screen.app.context
+    context.settings = context.begun_settings = Settings(theme="light")
+    for line in lines:
+        await screen.enter(f":{line}")
+    await screen.press("q")
+    await screen.until(lambda: not screen.app.is_running)
 
 
-async def test_every_option_can_be_changed_and_goes_back_to_its_default(fake, opened):
-    async with opened(fake) as screen:
-        await screen.do("f2")
-        for option in OPTIONS:
-            await screen.do("change_setting")
-            if option.several or not option.words:
-                await screen.press("ctrl+u")
-                await screen.enter(option.words[0] if option.several else "2")
-            changed = getattr(screen.app.context.settings, option.name)
-            assert changed != getattr(Settings(), option.name), screen.text
-            await screen.shows("x Default")
-            await screen.do("default_setting")
-            assert screen.app.context.settings == Settings()
-            await screen.do("list_down")
-
-
-async def test_columns_are_chosen_and_the_table_follows(fake, opened):
-    async with opened(fake) as screen:
-        assert " buf " in screen.text
-        await screen.press("f2", *["j"] * (len(OPTIONS) - 1))
-        await screen.shows("[x] unit  [x] on  [x] div")
-        await screen.press("right")
-        await screen.shows("columns: Enter takes it")
-        await screen.shows("e.g. unit on div; nothing: all")
-        await screen.enter("size div", "escape")
-        await screen.until(lambda: " buf " not in screen.text)
-        assert " div " in screen.text
-
-
-async def test_what_cant_be_is_told_in_the_words_of_the_file_and_a_slower_rate_asks_for_fewer_frames(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("f2", "j", "j", "j", "e", "ctrl+u")
-        await screen.enter("99")
-        await screen.shows("rate is 0.5 to 10, not 99; nothing was changed")
+async def test_every_option_can_be_changed_and_goes_back_to_its_default(screen):
+    await screen.do("f2")
+    for option in OPTIONS:
+        await screen.do("change_setting")
+        if option.several or not option.words:
+            await screen.press("ctrl+u")
+            await screen.enter(option.words[0] if option.several else "2")
+        changed = getattr(screen.app.context.settings, option.name)
+        assert changed != getattr(Settings(), option.name), screen.text
+        await screen.shows("x Default")
+        await screen.do("default_setting")
         assert screen.app.context.settings == Settings()
-        await screen.press("e", "ctrl+u")
-        await screen.enter("1")
-        assert screen.session.link._rate_hz == 1.0
+        await screen.do("list_down")
+
+
+async def test_columns_are_chosen_and_the_table_follows(screen):
+    assert " buf " in screen.text
+    await screen.press("f2", *["j"] * (len(OPTIONS) - 1))
+    await screen.shows("[x] unit  [x] on  [x] div")
+    await screen.press("right")
+    await screen.shows("columns: Enter takes it")
+    await screen.shows("e.g. unit on div; nothing: all")
+    await screen.enter("size div", "escape")
+    await screen.until(lambda: " buf " not in screen.text)
+    assert " div " in screen.text
+
+
+async def test_what_cant_be_is_told_in_the_words_of_the_file_and_a_slower_rate_asks_for_fewer_frames(screen):
+    await screen.press("f2", "j", "j", "j", "e", "ctrl+u")
+    await screen.enter("99")
+    await screen.shows("rate is 0.5 to 10, not 99; nothing was changed")
+    assert screen.app.context.settings == Settings()
+    await screen.press("e", "ctrl+u")
+    await screen.enter("1")
+    assert screen.session.link._rate_hz == 1.0
 
 
 @pytest.mark.parametrize("keymap", ["two-layer", "classic"])
@@ -134,35 +127,34 @@ def test_each_key_that_is_offered_as_free_can_be_taken(keymap, command):
     assert all([one for one in clashes(keymap, {command: key}) if command in one[:2]] for key in taken)
 
 
-async def test_escape_leaves_a_key_as_it_was_and_it_is_changed_by_pressing_it(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("f2", "G", "e")
-        await screen.shows("Press the key of")
-        await screen.press("escape")
-        await screen.until(lambda: not screen.app.screen.is_modal)
-        assert screen.app.context.settings == Settings()
-        await screen.press("escape", "f2", "slash")
-        await screen.enter("key filter", "e")
-        await screen.shows("Press the key of filter (Filter)")
-        await screen.shows("now /; free: ")
-        free = screen.text.partition("free: ")[2].partition("│")[0].split()
-        assert "f" in free and not {"e", "j", "q"} & set(free)
-        await screen.press("e")
-        await screen.shows("e is edit (Edit) already (table)")
-        await screen.press("f")
-        await screen.shows("(yours; / no longer)")
-        await screen.press("e", "slash")
-        await screen.until(lambda: "yours" not in screen.text, "what it has without a file is nobody's own")
-        assert screen.app.context.settings == Settings()
-        await screen.press("e", "f")
-        await screen.shows("(yours; / no longer)")
-        await screen.press("w", "escape", "escape")
-        assert read_file()[0].keys == {"filter": "f"}
-        await screen.until(lambda: "f Filter" in screen.text)
-        await screen.press("slash")
-        assert not screen.app.screen.query_one("#filter-line").display
-        await screen.press("f")
-        await screen.until(lambda: screen.app.screen.query_one("#filter-line").display)
+async def test_escape_leaves_a_key_as_it_was_and_it_is_changed_by_pressing_it(screen):
+    await screen.press("f2", "G", "e")
+    await screen.shows("Press the key of")
+    await screen.press("escape")
+    await screen.until(lambda: not screen.app.screen.is_modal)
+    assert screen.app.context.settings == Settings()
+    await screen.press("escape", "f2", "slash")
+    await screen.enter("key filter", "e")
+    await screen.shows("Press the key of filter (Filter)")
+    await screen.shows("now /; free: ")
+    free = screen.text.partition("free: ")[2].partition("│")[0].split()
+    assert "f" in free and not {"e", "j", "q"} & set(free)
+    await screen.press("e")
+    await screen.shows("e is edit (Edit) already (table)")
+    await screen.press("f")
+    await screen.shows("(yours; / no longer)")
+    await screen.press("e", "slash")
+    await screen.until(lambda: "yours" not in screen.text, "what it has without a file is nobody's own")
+    assert screen.app.context.settings == Settings()
+    await screen.press("e", "f")
+    await screen.shows("(yours; / no longer)")
+    await screen.press("w", "escape", "escape")
+    assert read_file()[0].keys == {"filter": "f"}
+    await screen.until(lambda: "f Filter" in screen.text)
+    await screen.press("slash")
+    assert not screen.app.screen.query_one("#filter-line").display
+    await screen.press("f")
+    await screen.until(lambda: screen.app.screen.query_one("#filter-line").display)
 
 
 async def test_the_app_starts_over_a_file_with_mistakes_and_says_so(fake, opened):
@@ -211,38 +203,35 @@ SIZES = [(80, 24), (60, 20), (160, 50)]
 
 
 @pytest.mark.parametrize("size", SIZES)
-async def test_the_key_bar_always_ends_with_help_and_quit(fake, opened, size):
-    async with opened(fake.run(), size=size) as screen:
-        for keys in ((), ("V", "j"), ("m",), ("space",), ("left",), ("enter",)):
-            await screen.press(*keys)
-            await screen.pilot.pause()
-            bar = screen.text.split("\n")[-1]
-            assert bar.rstrip().endswith("? Help  q Quit"), (keys, screen.text)
+async def test_the_key_bar_always_ends_with_help_and_quit(size, screen, ran_s=12):
+    for keys in ((), ("V", "j"), ("m",), ("space",), ("left",), ("enter",)):
+        await screen.press(*keys)
+        await screen.pilot.pause()
+        bar = screen.text.split("\n")[-1]
+        assert bar.rstrip().endswith("? Help  q Quit"), (keys, screen.text)
 
 
-async def test_the_key_bar_shows_what_counts_in_a_mode(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.press("V")
-        assert screen.text.split("\n")[-1].startswith(" V Mark the range  Esc Leave it")
-        await screen.press("escape")
-        assert "Mark the range" not in screen.text
-        await screen.press("m", "space")
-        await screen.until(lambda: screen.text.split("\n")[-1].startswith(" space Go on"))
-        await screen.press("space")
-        await screen.until(lambda: screen.text.split("\n")[-1].startswith(" space Pause"))
+async def test_the_key_bar_shows_what_counts_in_a_mode(screen, ran_s=12):
+    await screen.press("V")
+    assert screen.text.split("\n")[-1].startswith(" V Mark the range  Esc Leave it")
+    await screen.press("escape")
+    assert "Mark the range" not in screen.text
+    await screen.press("m", "space")
+    await screen.until(lambda: screen.text.split("\n")[-1].startswith(" space Go on"))
+    await screen.press("space")
+    await screen.until(lambda: screen.text.split("\n")[-1].startswith(" space Pause"))
 
 
-async def test_above_a_dialog_the_bar_shows_the_keys_of_the_dialog(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("t", "q")
-        await screen.shows("Quit without applying?")
-        await screen.until(lambda: screen.text.split("\n")[-1].startswith(" Enter "))
-        first = screen.text.split("\n")[-1]
-        await screen.press("j")
-        await screen.until(lambda: screen.text.split("\n")[-1] != first, "what Enter does at the next choice")
-        await screen.press("escape")
-        await screen.until(lambda: screen.app.screen.query_one(KeyBar)._instead == "")
-        await screen.shows("? Help  q Quit")
+async def test_above_a_dialog_the_bar_shows_the_keys_of_the_dialog(screen):
+    await screen.press("t", "q")
+    await screen.shows("Quit without applying?")
+    await screen.until(lambda: screen.text.split("\n")[-1].startswith(" Enter "))
+    first = screen.text.split("\n")[-1]
+    await screen.press("j")
+    await screen.until(lambda: screen.text.split("\n")[-1] != first, "what Enter does at the next choice")
+    await screen.press("escape")
+    await screen.until(lambda: screen.app.screen.query_one(KeyBar)._instead == "")
+    await screen.shows("? Help  q Quit")
 
 
 @pytest.mark.parametrize(
@@ -317,16 +306,15 @@ def test_rows_of_keys_that_do_the_same_say_on_which_screens_they_count():
     ]
 
 
-async def test_enter_after_an_arrow_keeps_what_the_arrow_chose(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("f2")
-        await screen.until(lambda: screen.app.screen.scope == "settings", "settings")
-        await screen.press("right", "enter")
-        await screen.shows("theme is light already; ")
-        await screen.press("enter")
-        assert screen.app.context.settings.theme == "light"
-        await screen.press("down", "up", "enter")
-        await screen.until(lambda: screen.app.context.settings.theme == "contrast", "the next one")
+async def test_enter_after_an_arrow_keeps_what_the_arrow_chose(screen):
+    await screen.press("f2")
+    await screen.until(lambda: screen.app.screen.scope == "settings", "settings")
+    await screen.press("right", "enter")
+    await screen.shows("theme is light already; ")
+    await screen.press("enter")
+    assert screen.app.context.settings.theme == "light"
+    await screen.press("down", "up", "enter")
+    await screen.until(lambda: screen.app.context.settings.theme == "contrast", "the next one")
 
 
 def test_what_a_choice_means_stands_apart_from_the_words_to_choose_from():

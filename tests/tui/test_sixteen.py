@@ -74,15 +74,14 @@ def test_the_page_has_sixteen_tasks_of_few_keys():
     assert max(len(way) for ways in TASKS.values() for way in ways) <= 7
 
 
-async def test_1_the_hottest_motor_is_on_top(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await do(screen, 1)
-        rows = screen.session.rows
-        await screen.until(lambda: "value" in screen.session.table.facts.quantities, "what was measured")
-        await screen.until(lambda: rows.row == rows.shown[0], "the cursor on top")
-        values = screen.session.table.facts.of("value", len(screen.session.table))
-        assert values[rows.row] == max(values[row] for row in rows.shown)
-        assert len(rows.shown) == 12
+async def test_1_the_hottest_motor_is_on_top(screen, ran_s=20):
+    await do(screen, 1)
+    rows = screen.session.rows
+    await screen.until(lambda: "value" in screen.session.table.facts.quantities, "what was measured")
+    await screen.until(lambda: rows.row == rows.shown[0], "the cursor on top")
+    values = screen.session.table.facts.of("value", len(screen.session.table))
+    assert values[rows.row] == max(values[row] for row in rows.shown)
+    assert len(rows.shown) == 12
 
 
 @pytest.fixture
@@ -108,64 +107,57 @@ async def test_2_three_torques_and_nothing_else_are_plotted_live(robot, request,
         await screen.until(lambda: shown.stack.store.end > end, "new values")
 
 
-async def test_3_and_4_all_torques_are_edited_and_applied_while_it_runs(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await do(screen, 3)
-        await screen.until(lambda: screen.session.table.pending_count[1] == 12, "the edits")
-        assert (screen.value(TORQUE, Field.DIVIDER), screen.value(TORQUE, Field.SIZE)) == ("5", "800")
-        await do(screen, 4)
-        await screen.until(lambda: fake.recorded(TORQUE).divider == 5, "what was applied")
-        assert fake.recorded(TORQUE).buffer_type is BufferType.LOOPING
-        assert [call[0] for call in fake.calls] == ["stop", "save", "apply", "start"]
+async def test_3_and_4_all_torques_are_edited_and_applied_while_it_runs(fake, screen, ran_s=20):
+    await do(screen, 3)
+    await screen.until(lambda: screen.session.table.pending_count[1] == 12, "the edits")
+    assert (screen.value(TORQUE, Field.DIVIDER), screen.value(TORQUE, Field.SIZE)) == ("5", "800")
+    await do(screen, 4)
+    await screen.until(lambda: fake.recorded(TORQUE).divider == 5, "what was applied")
+    assert fake.recorded(TORQUE).buffer_type is BufferType.LOOPING
+    assert [call[0] for call in fake.calls] == ["stop", "save", "apply", "start"]
 
 
-async def test_5_a_script_is_saved_under_a_name_and_another_one_loaded(fake, opened):
-    async with opened(fake) as screen:
-        await do(screen, 5)
-        await screen.until(lambda: "walk.yaml" in fake.files, "the script")
-        await do(screen, 5, 1)
-        await screen.until(lambda: [call for call in fake.calls if call[0] == "load_script"], "the other one")
+async def test_5_a_script_is_saved_under_a_name_and_another_one_loaded(fake, screen):
+    await do(screen, 5)
+    await screen.until(lambda: "walk.yaml" in fake.files, "the script")
+    await do(screen, 5, 1)
+    await screen.until(lambda: [call for call in fake.calls if call[0] == "load_script"], "the other one")
 
 
-async def test_6_it_is_started_and_stopped(fake, opened):
-    async with opened(fake) as screen:
-        await do(screen, 6)
-        await screen.shows("● RUNNING")
-        await do(screen, 6, 1)
-        await screen.shows("■ STOPPED")
+async def test_6_it_is_started_and_stopped(screen):
+    await do(screen, 6)
+    await screen.shows("● RUNNING")
+    await do(screen, 6, 1)
+    await screen.shows("■ STOPPED")
 
 
-async def test_7_three_formats_are_saved(fake, opened):
-    async with opened(fake.run()) as screen:
-        await do(screen, 7)
-        await screen.until(lambda: fake.calls, "the save")
-        assert set(fake.calls[0][1]) == set(FileType)
+async def test_7_three_formats_are_saved(fake, screen, ran_s=12):
+    await do(screen, 7)
+    await screen.until(lambda: fake.calls, "the save")
+    assert set(fake.calls[0][1]) == set(FileType)
 
 
 @pytest.mark.parametrize(("task", "says"), [(8, r"highest, \d of \d: 40.0000 at -\d"), (10, r"highest.* at -\d")])
-async def test_8_and_10_a_spike_is_found_and_read_and_the_time_of_the_maximum_told(task, says, fake, opened):
-    async with opened(fake.run(21)) as screen:
-        await screen.enter("/LF/HAA/torque", "m")
-        await plots(screen)
-        await do(screen, task)
-        await screen.until(lambda: re.search(says, screen.text), "the spike, or when it was")
+async def test_8_and_10_a_spike_is_found_and_read_and_the_time_of_the_maximum_told(task, says, screen, ran_s=21):
+    await screen.enter("/LF/HAA/torque", "m")
+    await plots(screen)
+    await do(screen, task)
+    await screen.until(lambda: re.search(says, screen.text), "the spike, or when it was")
 
 
-async def test_9_two_signals_stand_in_one_plot(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await screen.enter("/LF HAA torque|velocity")
-        await do(screen, 9)
-        shown = await plots(screen)
-        assert [len(panel) for panel in shown.stack.panels] == [2]
-        assert len(isolate(shown.stack.panels, shown.stack.plots[0])) == 2
+async def test_9_two_signals_stand_in_one_plot(screen, ran_s=20):
+    await screen.enter("/LF HAA torque|velocity")
+    await do(screen, 9)
+    shown = await plots(screen)
+    assert [len(panel) for panel in shown.stack.panels] == [2]
+    assert len(isolate(shown.stack.panels, shown.stack.plots[0])) == 2
 
 
-async def test_11_an_edit_is_taken_back(fake, opened):
-    async with opened(fake) as screen:
-        await screen.do("toggle")
-        assert screen.session.table.pending_count == (1, 1)
-        await do(screen, 11)
-        assert screen.session.table.pending_count == (0, 0)
+async def test_11_an_edit_is_taken_back(screen):
+    await screen.do("toggle")
+    assert screen.session.table.pending_count == (1, 1)
+    await do(screen, 11)
+    assert screen.session.table.pending_count == (0, 0)
 
 
 async def test_12_what_was_just_saved_is_opened(fake, opened, tmp_path):
@@ -199,20 +191,17 @@ async def test_13_another_logger_is_opened(new_fake, opened):
         await screen.until(lambda: screen.app.context.has_session and screen.session.name == "legs", "the other one")
 
 
-async def test_14_the_table_is_ordered_by_rate(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await do(screen, 14)
-        await screen.shows("by rate ↓")
+async def test_14_the_table_is_ordered_by_rate(screen, ran_s=20):
+    await do(screen, 14)
+    await screen.shows("by rate ↓")
 
 
-async def test_15_a_name_space_is_folded(fake, opened):
-    async with opened(fake) as screen:
-        await do(screen, 15)
-        assert screen.session.rows.folded == {"/base"}
-        assert len(screen.session.rows.tree.branches) > 0
+async def test_15_a_name_space_is_folded(screen):
+    await do(screen, 15)
+    assert screen.session.rows.folded == {"/base"}
+    assert len(screen.session.rows.tree.branches) > 0
 
 
-async def test_16_it_ends(fake, opened):
-    async with opened(fake) as screen:
-        await do(screen, 16)
-        await screen.until(lambda: not screen.app.is_running or screen.app._exit, "the end")
+async def test_16_it_ends(screen):
+    await do(screen, 16)
+    await screen.until(lambda: not screen.app.is_running or screen.app._exit, "the end")

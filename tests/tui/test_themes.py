@@ -169,10 +169,9 @@ async def test_the_line_under_the_cursor_is_of_one_colour(fake, opened, word):
         assert len(grounds) == 1, found
 
 
-async def test_the_colon_line_takes_the_words_of_the_command_line(fake, opened):
-    async with opened(fake) as screen:
-        for word, name in (("light", "silo-light"), ("16", "silo-16"), ("nord", "nord")):
-            CommandRunner(screen.app.context).run(f"theme {word}")
-            assert screen.app.theme == name
-        CommandRunner(screen.app.context).run("theme drak")
-        await screen.shows("themes: dark, light, contrast, 16")
+async def test_the_colon_line_takes_the_words_of_the_command_line(screen):
+    for word, name in (("light", "silo-light"), ("16", "silo-16"), ("nord", "nord")):
+        CommandRunner(screen.app.context).run(f"theme {word}")
+        assert screen.app.theme == name
+    CommandRunner(screen.app.context).run("theme drak")
+    await screen.shows("themes: dark, light, contrast, 16")

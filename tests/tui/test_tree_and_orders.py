@@ -318,40 +318,37 @@ def test_rows_that_were_shown_only_as_nothing_was_measured_yet_go_at_once(rows):
 
 
 @pytest.mark.slow
-async def test_a_branch_and_a_vector_show_by_a_sign_whether_they_are_open(fake, opened):
-    async with opened(fake, size=(80, 48)) as screen:
-        await screen.press("o", "n")
-        for words in ("▼ base  ", "▼ legs  ", "  ▼ LF  ", "    ▼ HAA  ", "► velocity |3|"):
-            await screen.shows(words)
-        screen.session.rows.folded = frozenset({"/legs", "/base"})
-        screen.app.context.table_changed()
-        await screen.shows("► legs  ")
-        assert "LF" not in screen.text
-        await screen.press("g", "g", "plus")
-        await screen.shows("▼ base  ")
-        assert "► legs  " in screen.text
-        await screen.press("j", "j", "j", "plus")
-        await screen.shows("▼ velocity |3|")
-        lines = screen.text.splitlines()
-        at = next(at for at, line in enumerate(lines) if "▼ velocity" in line)
-        assert [line.split()[0] for line in lines[at + 1 : at + 4]] == ["x", "y", "z"]
+async def test_a_branch_and_a_vector_show_by_a_sign_whether_they_are_open(screen, size=(80, 48)):
+    await screen.press("o", "n")
+    for words in ("▼ base  ", "▼ legs  ", "  ▼ LF  ", "    ▼ HAA  ", "► velocity |3|"):
+        await screen.shows(words)
+    screen.session.rows.folded = frozenset({"/legs", "/base"})
+    screen.app.context.table_changed()
+    await screen.shows("► legs  ")
+    assert "LF" not in screen.text
+    await screen.press("g", "g", "plus")
+    await screen.shows("▼ base  ")
+    assert "► legs  " in screen.text
+    await screen.press("j", "j", "j", "plus")
+    await screen.shows("▼ velocity |3|")
+    lines = screen.text.splitlines()
+    at = next(at for at, line in enumerate(lines) if "▼ velocity" in line)
+    assert [line.split()[0] for line in lines[at + 1 : at + 4]] == ["x", "y", "z"]
 
 
 @pytest.mark.slow
-async def test_a_mark_on_a_name_space_says_how_many_it_marked_and_stays(fake, opened):
-    async with opened(fake, size=(80, 48)) as screen:
-        await screen.press("o", "n")
-        await screen.shows("▼ base  ")
-        await screen.do("top", "mark")
-        await screen.shows("3 elements of /base marked")
-        assert (screen.session.rows.marked_count, screen.session.rows.branch.path) == (3, "/base")
-        await screen.do("mark")
-        await screen.shows("3 elements of /base no longer marked")
+async def test_a_mark_on_a_name_space_says_how_many_it_marked_and_stays(screen, size=(80, 48)):
+    await screen.press("o", "n")
+    await screen.shows("▼ base  ")
+    await screen.do("top", "mark")
+    await screen.shows("3 elements of /base marked")
+    assert (screen.session.rows.marked_count, screen.session.rows.branch.path) == (3, "/base")
+    await screen.do("mark")
+    await screen.shows("3 elements of /base no longer marked")
 
 
-async def test_what_orders_nothing_leaves_the_choice_of_an_order_open(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("o", "question_mark")
-        await screen.shows("? is no letter of an order")
-        await screen.press("v")
-        await screen.until(lambda: screen.session.rows.sort == "value")
+async def test_what_orders_nothing_leaves_the_choice_of_an_order_open(screen):
+    await screen.press("o", "question_mark")
+    await screen.shows("? is no letter of an order")
+    await screen.press("v")
+    await screen.until(lambda: screen.session.rows.sort == "value")

@@ -188,139 +188,130 @@ def test_ids_of_before_still_work():
 
 
 @pytest.mark.slow
-async def test_what_is_typed_on_goes_there_and_no_menu_is_drawn(fake, opened):
-    async with opened(fake) as screen:
-        burst(screen, "g e")
-        await screen.until(lambda: screen.app.screen.scope == "events" and screen.app.gate.free)
-        assert not drawn(screen)
-        await screen.press("escape")
-        burst(screen, "e d 5 enter j full_stop")
-        await screen.until(lambda: screen.session.table.pending_count == (2, 2), "the edit and the same again")
-        burst(screen, "u u")
-        await screen.until(lambda: screen.session.table.pending_count == (0, 0))
+async def test_what_is_typed_on_goes_there_and_no_menu_is_drawn(screen):
+    burst(screen, "g e")
+    await screen.until(lambda: screen.app.screen.scope == "events" and screen.app.gate.free)
+    assert not drawn(screen)
+    await screen.press("escape")
+    burst(screen, "e d 5 enter j full_stop")
+    await screen.until(lambda: screen.session.table.pending_count == (2, 2), "the edit and the same again")
+    burst(screen, "u u")
+    await screen.until(lambda: screen.session.table.pending_count == (0, 0))
 
 
 @pytest.mark.slow
-async def test_a_menu_is_drawn_while_the_one_before_goes(fake, opened):
-    async with opened(fake) as screen:
-        reader = screen.app.reader
-        for menu in ("menu_go", "menu_edit"):  # which takes longer on a busy computer than until the next is drawn
-            reader.open(menu)
-            reader._timer.stop()
-            reader.draw()
-        await screen.until(lambda: "Divider: 1" in drawn(screen))
-        await screen.press("escape", "space", "space", "e")
-        await screen.until(lambda: drawn(screen).startswith("e  Edit: 2 marked elements"))
-        await screen.press("escape", "m", "p")
-        await screen.until(lambda: drawn(screen).startswith("p  Plots: /base/orientation_x  "))
-        assert all(each in drawn(screen) for each in (" +  Zoom ", " -  Zoom out", " PgUp  Earlier", " PgDn  Later"))
+async def test_a_menu_is_drawn_while_the_one_before_goes(screen):
+    reader = screen.app.reader
+    for menu in ("menu_go", "menu_edit"):  # which takes longer on a busy computer than until the next is drawn
+        reader.open(menu)
+        reader._timer.stop()
+        reader.draw()
+    await screen.until(lambda: "Divider: 1" in drawn(screen))
+    await screen.press("escape", "space", "space", "e")
+    await screen.until(lambda: drawn(screen).startswith("e  Edit: 2 marked elements"))
+    await screen.press("escape", "m", "p")
+    await screen.until(lambda: drawn(screen).startswith("p  Plots: /base/orientation_x  "))
+    assert all(each in drawn(screen) for each in (" +  Zoom ", " -  Zoom out", " PgUp  Earlier", " PgDn  Later"))
 
 
 @pytest.mark.slow
-async def test_a_menu_that_waits_is_drawn_and_stays_at_an_unknown_letter(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("e")
-        await screen.until(lambda: drawn(screen))
-        assert "Divider: 1" in drawn(screen)
-        assert "(x) Discard: none waits" in drawn(screen)
-        assert "( ) not now: type it for why" in drawn(screen)
-        assert drawn(screen).startswith("e  Edit: /base/orientation  ")  # which it may cover
-        await screen.press("k")
-        await screen.shows("k is not in the menu")
-        assert screen.session.rows.position == 0
-        await screen.press("x")
-        await screen.shows("none waits")
-        assert drawn(screen)
-        await screen.press("k")
-        await screen.shows("k is not in the menu")
-        await screen.press("escape")
-        assert not drawn(screen)
-        assert "in the menu" not in screen.text, "what was said of a letter goes with the menu"
-        await screen.press("j")
-        assert screen.session.rows.position == 1
+async def test_a_menu_that_waits_is_drawn_and_stays_at_an_unknown_letter(screen):
+    await screen.press("e")
+    await screen.until(lambda: drawn(screen))
+    assert "Divider: 1" in drawn(screen)
+    assert "(x) Discard: none waits" in drawn(screen)
+    assert "( ) not now: type it for why" in drawn(screen)
+    assert drawn(screen).startswith("e  Edit: /base/orientation  ")  # which it may cover
+    await screen.press("k")
+    await screen.shows("k is not in the menu")
+    assert screen.session.rows.position == 0
+    await screen.press("x")
+    await screen.shows("none waits")
+    assert drawn(screen)
+    await screen.press("k")
+    await screen.shows("k is not in the menu")
+    await screen.press("escape")
+    assert not drawn(screen)
+    assert "in the menu" not in screen.text, "what was said of a letter goes with the menu"
+    await screen.press("j")
+    assert screen.session.rows.position == 1
 
 
 @pytest.mark.slow
-async def test_enter_plots_the_row_though_others_are_marked_and_all_where_it_is_one_of_them(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.press("space", "space", "enter")
-        await screen.until(lambda: screen.app.screen.scope == "monitor")
-        assert [each.element.name for each in screen.app.screen.stack.plots] == ["/log/base/velocity"] * 3
-        await screen.press("escape")
-        await screen.until(lambda: screen.app.screen.scope == "table")
-        await screen.press("up", "enter")
-        await screen.until(lambda: screen.app.screen.scope == "monitor")
-        assert {each.element.name for each in screen.app.screen.stack.plots} == {
-            "/log/base/orientation", "/log/base/position"
-        }  # fmt: skip
+async def test_enter_plots_the_row_though_others_are_marked_and_all_where_it_is_one_of_them(screen, ran_s=12):
+    await screen.press("space", "space", "enter")
+    await screen.until(lambda: screen.app.screen.scope == "monitor")
+    assert [each.element.name for each in screen.app.screen.stack.plots] == ["/log/base/velocity"] * 3
+    await screen.press("escape")
+    await screen.until(lambda: screen.app.screen.scope == "table")
+    await screen.press("up", "enter")
+    await screen.until(lambda: screen.app.screen.scope == "monitor")
+    assert {each.element.name for each in screen.app.screen.stack.plots} == {
+        "/log/base/orientation", "/log/base/position"
+    }  # fmt: skip
 
 
-async def test_the_key_that_folds_is_called_by_what_it_does_on_the_line_under_the_cursor(fake, opened):
-    async with opened(fake, size=(160, 50)) as screen:
-        key, bar = key_of("fold"), lambda: screen.text.splitlines()[-1]
-        for order, name, label in (
-            (NAME, "imu/temperature", ""), (NAME, "base/position", "Entries"), (TREE, "imu/temperature", "Fold"),
-            (TREE, "base/position", "Entries"),
-        ):  # fmt: skip
-            await screen.enter(f":sort {order}")
-            await screen.enter(f":goto {name}")
-            await screen.until(lambda name=name: screen.session.table.names[screen.session.rows.row].endswith(name))
-            await screen.shows(f" {key} {label}") if label else await screen.settled()
-            assert label or f" {key} " not in bar()
-        await screen.do("fold")
-        await screen.shows(f" {key} Fold ")
+async def test_the_key_that_folds_is_called_by_what_it_does_on_the_line_under_the_cursor(screen, size=(160, 50)):
+    key, bar = key_of("fold"), lambda: screen.text.splitlines()[-1]
+    for order, name, label in (
+        (NAME, "imu/temperature", ""), (NAME, "base/position", "Entries"), (TREE, "imu/temperature", "Fold"),
+        (TREE, "base/position", "Entries"),
+    ):  # fmt: skip
+        await screen.enter(f":sort {order}")
+        await screen.enter(f":goto {name}")
+        await screen.until(lambda name=name: screen.session.table.names[screen.session.rows.row].endswith(name))
+        await screen.shows(f" {key} {label}") if label else await screen.settled()
+        assert label or f" {key} " not in bar()
+    await screen.do("fold")
+    await screen.shows(f" {key} Fold ")
 
 
-async def test_esc_that_has_nothing_to_leave_on_the_table_says_which_keys_lead_on(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("escape")
-        await screen.shows(f"nothing to leave here: {key_of('loggers')} the loggers, {key_of('quit')} quits")
-        await screen.do("mark")
-        await screen.settled()
-        assert "nothing to leave" not in screen.text, "a key did something"
-        await screen.press("escape")
-        await screen.until(lambda: not screen.session.rows.marked_count)
-        await screen.press("f9")
-        await screen.shows("F9 is no key")
-        await screen.press("j")
-        await screen.settled()
-        assert "F9 is no key" not in screen.text
-        assert "nothing to leave" not in screen.text
+async def test_esc_that_has_nothing_to_leave_on_the_table_says_which_keys_lead_on(screen):
+    await screen.press("escape")
+    await screen.shows(f"nothing to leave here: {key_of('loggers')} the loggers, {key_of('quit')} quits")
+    await screen.do("mark")
+    await screen.settled()
+    assert "nothing to leave" not in screen.text, "a key did something"
+    await screen.press("escape")
+    await screen.until(lambda: not screen.session.rows.marked_count)
+    await screen.press("f9")
+    await screen.shows("F9 is no key")
+    await screen.press("j")
+    await screen.settled()
+    assert "F9 is no key" not in screen.text
+    assert "nothing to leave" not in screen.text
 
 
-async def test_enter_on_a_name_space_folds_it_and_on_a_row_plots_it(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("o", "n", "g", "g")
-        await screen.shows("Enter Fold")
-        await screen.press("enter")
-        await screen.shows("Enter Unfold")
-        assert screen.session.rows.folded == {screen.session.rows.branch.path}
-        await screen.press("enter", "j", "enter")
-        await screen.until(lambda: screen.app.screen.scope == "monitor")
+async def test_enter_on_a_name_space_folds_it_and_on_a_row_plots_it(screen):
+    await screen.press("o", "n", "g", "g")
+    await screen.shows("Enter Fold")
+    await screen.press("enter")
+    await screen.shows("Enter Unfold")
+    assert screen.session.rows.folded == {screen.session.rows.branch.path}
+    await screen.press("enter", "j", "enter")
+    await screen.until(lambda: screen.app.screen.scope == "monitor")
 
 
 @pytest.mark.slow
-async def test_an_entry_that_can_t_act_says_why(fake, opened):
-    async with opened(fake, read_only=True) as screen:
-        await screen.press("e")
-        await screen.until(lambda: drawn(screen))
-        assert "(d) Divider: read-only" in drawn(screen)
-        await screen.press("escape", "r")
-        await screen.until(lambda: "Acknowledge" in drawn(screen))
-        assert "(k) Acknowledge: alarms" in drawn(screen)
-        await screen.press("k")
-        await screen.shows("r k (Acknowledge): it is a key of alarms (g a)")
-        assert drawn(screen)  # who reads may pick another one
+async def test_an_entry_that_can_t_act_says_why(screen, read_only=True):
+    await screen.press("e")
+    await screen.until(lambda: drawn(screen))
+    assert "(d) Divider: read-only" in drawn(screen)
+    await screen.press("escape", "r")
+    await screen.until(lambda: "Acknowledge" in drawn(screen))
+    assert "(k) Acknowledge: alarms" in drawn(screen)
+    await screen.press("k")
+    await screen.shows("r k (Acknowledge): it is a key of alarms (g a)")
+    assert drawn(screen)  # who reads may pick another one
 
 
 @pytest.mark.slow
-async def test_after_an_entry_that_was_typed_at_once_and_can_t_act_keys_are_those_of_the_screen(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("r", "c", "j")
-        assert screen.session.rows.position == 1
-        await screen.press("r", "k", "j")
-        assert screen.session.rows.position == 2
-        await screen.shows("r k (Acknowledge): it is a key of alarms (g a)")
+async def test_after_an_entry_that_was_typed_at_once_and_can_t_act_keys_are_those_of_the_screen(screen):
+    await screen.press("r", "c", "j")
+    assert screen.session.rows.position == 1
+    await screen.press("r", "k", "j")
+    assert screen.session.rows.position == 2
+    await screen.shows("r k (Acknowledge): it is a key of alarms (g a)")
 
 
 @pytest.mark.parametrize(
@@ -352,11 +343,10 @@ def test_of_many_screens_with_a_use_for_a_key_three_are_named(command, scope, sa
 
 
 @pytest.mark.slow
-async def test_what_is_pasted_outside_a_line_is_left_out_whole(fake, opened):
-    async with opened(fake) as screen:
-        screen.app.post_message(events.Paste("et"))
-        await screen.shows("no keys")
-        assert screen.session.table.pending_count == (0, 0)
+async def test_what_is_pasted_outside_a_line_is_left_out_whole(screen):
+    screen.app.post_message(events.Paste("et"))
+    await screen.shows("no keys")
+    assert screen.session.table.pending_count == (0, 0)
 
 
 @pytest.mark.slow
@@ -369,15 +359,14 @@ async def test_classic_has_the_same_menus_behind_one_key(fake, opened):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
-async def test_menus_have_room_on_every_screen(fake, opened, size):
-    async with opened(fake, size=size) as screen:
-        for letter in OPENERS:
-            await screen.press(letter)
-            await screen.until(lambda: drawn(screen))
-            lines = drawn(screen).splitlines()
-            assert len(lines) <= 8
-            assert max(map(len, lines)) <= size[0] - 2
-            await screen.press("escape")
+async def test_menus_have_room_on_every_screen(screen, size):
+    for letter in OPENERS:
+        await screen.press(letter)
+        await screen.until(lambda: drawn(screen))
+        lines = drawn(screen).splitlines()
+        assert len(lines) <= 8
+        assert max(map(len, lines)) <= size[0] - 2
+        await screen.press("escape")
 
 
 # ------------------------------------------------------------------------------------------------------ the key bar
@@ -387,36 +376,33 @@ def bar(screen):
     return screen.text.splitlines()[-1]
 
 
-async def test_the_bar_has_room_for_what_commands_the_logger_and_says_what_waits(fake, opened):
-    async with opened(fake.run()) as screen:
-        assert bar(screen) == " space Mark m Plot / Filter e Edit g Go v View r Rec S Stop w Save ? Help q Quit"
-        await screen.do("toggle")
-        assert bar(screen) == " space Mark / Filter e Edit g Go a Apply 1 u Undo S Stop w Save    ? Help q Quit"
-        await screen.do("down", "edit_divider", "5", "enter")
-        assert "a Apply 2 u Undo S Stop" in bar(screen)
-        await screen.do("undo", "undo")
-        assert "Apply" not in bar(screen)
+async def test_the_bar_has_room_for_what_commands_the_logger_and_says_what_waits(screen, ran_s=12):
+    assert bar(screen) == " space Mark m Plot / Filter e Edit g Go v View r Rec S Stop w Save ? Help q Quit"
+    await screen.do("toggle")
+    assert bar(screen) == " space Mark / Filter e Edit g Go a Apply 1 u Undo S Stop w Save    ? Help q Quit"
+    await screen.do("down", "edit_divider", "5", "enter")
+    assert "a Apply 2 u Undo S Stop" in bar(screen)
+    await screen.do("undo", "undo")
+    assert "Apply" not in bar(screen)
 
 
-async def test_with_a_filter_the_bar_has_what_one_does_next_with_them(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.do("filter", "b", "enter")
-        assert bar(screen).startswith(" / Filter Esc No filter * Mark all m Plot space Mark e Edit S Stop ")
-        await screen.do("toggle")
-        assert "* Mark all e Edit a Apply 1 " in bar(screen) and "u Undo S Stop" in bar(screen)
-        await screen.do("mark_shown")
-        assert bar(screen).startswith(" / Filter Esc No filter m Plot e Edit ") and "u Undo" in bar(screen)
-        await screen.press("escape")
-        assert bar(screen).startswith(" space Mark ")  # where it was: a second click is on it, too
+async def test_with_a_filter_the_bar_has_what_one_does_next_with_them(screen, ran_s=12):
+    await screen.do("filter", "b", "enter")
+    assert bar(screen).startswith(" / Filter Esc No filter * Mark all m Plot space Mark e Edit S Stop ")
+    await screen.do("toggle")
+    assert "* Mark all e Edit a Apply 1 " in bar(screen) and "u Undo S Stop" in bar(screen)
+    await screen.do("mark_shown")
+    assert bar(screen).startswith(" / Filter Esc No filter m Plot e Edit ") and "u Undo" in bar(screen)
+    await screen.press("escape")
+    assert bar(screen).startswith(" space Mark ")  # where it was: a second click is on it, too
 
 
-async def test_the_bar_of_a_list_without_a_line_has_no_key_that_is_about_one(fake, opened):
-    async with opened(fake) as screen:
-        for scope in ("alarms", "triggers", "recordings"):
-            await screen.do(scope)
-            await screen.until(lambda scope=scope: screen.app.screen.scope == scope, "the list")
-            await screen.until(lambda: bar(screen).startswith((" r n New", " r r Record")), "its bar")
-            assert not any(key in bar(screen) for key in ("Enter", "space", "o Order", "D Delete", "r t", "r k"))
+async def test_the_bar_of_a_list_without_a_line_has_no_key_that_is_about_one(screen):
+    for scope in ("alarms", "triggers", "recordings"):
+        await screen.do(scope)
+        await screen.until(lambda scope=scope: screen.app.screen.scope == scope, "the list")
+        await screen.until(lambda: bar(screen).startswith((" r n New", " r r Record")), "its bar")
+        assert not any(key in bar(screen) for key in ("Enter", "space", "o Order", "D Delete", "r t", "r k"))
 
 
 async def test_the_bar_of_a_list_says_what_esc_takes_away_first(fake, opened):
@@ -443,15 +429,14 @@ async def test_enter_is_no_key_of_a_trigger_without_a_capture(fake, opened):
         await screen.until(lambda: "Enter Last capture" in bar(screen), "that of the other")
 
 
-async def test_the_bar_says_what_is_done_again_where_there_is_room(fake, opened):
-    async with opened(fake, size=(160, 50)) as screen:
-        assert "again" not in bar(screen) and "S Start" in bar(screen)
-        await screen.do("toggle")
-        assert ". again: On/Off" in bar(screen)
-        await screen.do("filter", *"nosuchelement", "enter")
-        assert "again" not in bar(screen)  # there is nothing to do it with
-        await screen.press("full_stop")
-        await screen.shows(". (On/Off): no element is here")
+async def test_the_bar_says_what_is_done_again_where_there_is_room(screen, size=(160, 50)):
+    assert "again" not in bar(screen) and "S Start" in bar(screen)
+    await screen.do("toggle")
+    assert ". again: On/Off" in bar(screen)
+    await screen.do("filter", *"nosuchelement", "enter")
+    assert "again" not in bar(screen)  # there is nothing to do it with
+    await screen.press("full_stop")
+    await screen.shows(". (On/Off): no element is here")
 
 
 async def test_the_bar_has_one_order_on_every_screen_and_no_menu_without_an_entry_there():
@@ -472,80 +457,76 @@ async def test_the_bar_has_one_order_on_every_screen_and_no_menu_without_an_entr
     )
 
 
-async def test_home_is_the_table_from_wherever_one_is(fake, opened):
-    async with opened(fake.run()) as screen:
-        for steps in (
-            ("monitor", "detail"),
-            ("events",),
-            ("triggers",),
-            ("monitor", "alarms"),
-            ("loggers",),
-            ("loggers", "settings"),
-        ):
-            await screen.do(*steps)
-            await screen.until(lambda: screen.app.screen.scope not in ("table", ""))
-            await screen.do("go_home")
-            await screen.until(lambda: screen.app.screen.scope == "table")
+async def test_home_is_the_table_from_wherever_one_is(screen, ran_s=12):
+    for steps in (
+        ("monitor", "detail"),
+        ("events",),
+        ("triggers",),
+        ("monitor", "alarms"),
+        ("loggers",),
+        ("loggers", "settings"),
+    ):
+        await screen.do(*steps)
+        await screen.until(lambda: screen.app.screen.scope not in ("table", ""))
+        await screen.do("go_home")
+        await screen.until(lambda: screen.app.screen.scope == "table")
 
 
 @pytest.mark.slow
 async def test_applying_starting_and_stopping_ask_the_same_on_every_screen_of_a_logger_and_come_back_to_it(
-    fake, opened
+    fake, screen, ran_s=20
 ):
-    async with opened(fake.run(20)) as screen:
-        await screen.do("toggle")
-        asked = {}
-        ways = {each: [each] for each in ("monitor", "detail", "alarms", "parameters", "recordings", "events")}
-        ways = {"table": [], **ways, "triggers": ["triggers"], "scope": ["go_home", "monitor", "catch"]}
-        for scope, way in ways.items():
-            await screen.do(*way)
-            await screen.until(lambda scope=scope: screen.app.screen.scope == scope, scope)
-            asked[scope] = []
-            for command in ("start_stop", "restart", "apply"):
-                await screen.do(command)
-                await screen.until(lambda: isinstance(screen.app.screen, Question), command)
-                await screen.until(lambda: screen.app.screen.is_mounted, "all that it asks")
-                question = screen.app.screen.query("Static")
-                asked[scope].append("\n".join(str(each.render()) for each in question))
-                await screen.press("escape")
-                await screen.until(lambda scope=scope: screen.app.screen.scope == scope, "the screen of before")
-        assert "Stop logging?" in asked["table"][0]
-        assert "Apply 1 edit" in asked["table"][2]
-        in_table = {each: [one.replace(" in the table", "") for one in told] for each, told in asked.items()}
-        assert all(told == asked["table"] for told in in_table.values()), in_table
-        assert all("w in the table saves it" in told[0] for scope, told in asked.items() if scope != "table")
-        await screen.do("apply", "enter")
-        await screen.until(lambda: fake.calls, "the edits to be applied")
-        await screen.until(lambda: screen.app.screen.scope == "scope", "the plot again")
+    await screen.do("toggle")
+    asked = {}
+    ways = {each: [each] for each in ("monitor", "detail", "alarms", "parameters", "recordings", "events")}
+    ways = {"table": [], **ways, "triggers": ["triggers"], "scope": ["go_home", "monitor", "catch"]}
+    for scope, way in ways.items():
+        await screen.do(*way)
+        await screen.until(lambda scope=scope: screen.app.screen.scope == scope, scope)
+        asked[scope] = []
+        for command in ("start_stop", "restart", "apply"):
+            await screen.do(command)
+            await screen.until(lambda: isinstance(screen.app.screen, Question), command)
+            await screen.until(lambda: screen.app.screen.is_mounted, "all that it asks")
+            question = screen.app.screen.query("Static")
+            asked[scope].append("\n".join(str(each.render()) for each in question))
+            await screen.press("escape")
+            await screen.until(lambda scope=scope: screen.app.screen.scope == scope, "the screen of before")
+    assert "Stop logging?" in asked["table"][0]
+    assert "Apply 1 edit" in asked["table"][2]
+    in_table = {each: [one.replace(" in the table", "") for one in told] for each, told in asked.items()}
+    assert all(told == asked["table"] for told in in_table.values()), in_table
+    assert all("w in the table saves it" in told[0] for scope, told in asked.items() if scope != "table")
+    await screen.do("apply", "enter")
+    await screen.until(lambda: fake.calls, "the edits to be applied")
+    await screen.until(lambda: screen.app.screen.scope == "scope", "the plot again")
 
 
-async def test_stopping_offers_a_restart_and_what_drops_is_answered_by_its_own_letter(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        await screen.do("start_stop")
-        await screen.shows("Stop and save  (s)")
-        await screen.press("r")
-        await screen.shows("Restart logging?")
-        await screen.press("d")
-        assert fake.calls == []
-        await screen.press("D")
-        await screen.until(lambda: fake.calls, "the restart")
+async def test_stopping_offers_a_restart_and_what_drops_is_answered_by_its_own_letter(fake, screen, ran_s=20):
+    await screen.do("start_stop")
+    await screen.shows("Stop and save  (s)")
+    await screen.press("r")
+    await screen.shows("Restart logging?")
+    await screen.press("d")
+    assert fake.calls == []
+    await screen.press("D")
+    await screen.until(lambda: fake.calls, "the restart")
 
 
 @pytest.mark.slow
-async def test_what_has_a_form_or_a_list_is_asked_by_it_and_not_by_a_line(fake, opened):
-    async with opened(fake) as screen:
-        await screen.press("e", "a")
-        await screen.shows("Limits of /base/orientation on")  # the row is the vector: of all its entries
-        await screen.shows("HH")
-        assert screen.app.screen.fields["signal"] == "base/orientation"
-        await screen.press("4", "enter")
-        await screen.until(lambda: not screen.app.screen.is_modal, "it is set")
-        assert [call[1].name for call in fake.calls if call[0] == "set_limits"] == ["/log/base/orientation"]
-        await screen.do("derive")
-        await screen.shows("Derive a signal on robot")
-        await screen.press("escape")
-        await screen.do("theme", "1")
-        await screen.until(lambda: screen.app.theme == "silo-16", "its colours")
+async def test_what_has_a_form_or_a_list_is_asked_by_it_and_not_by_a_line(fake, screen):
+    await screen.press("e", "a")
+    await screen.shows("Limits of /base/orientation on")  # the row is the vector: of all its entries
+    await screen.shows("HH")
+    assert screen.app.screen.fields["signal"] == "base/orientation"
+    await screen.press("4", "enter")
+    await screen.until(lambda: not screen.app.screen.is_modal, "it is set")
+    assert [call[1].name for call in fake.calls if call[0] == "set_limits"] == ["/log/base/orientation"]
+    await screen.do("derive")
+    await screen.shows("Derive a signal on robot")
+    await screen.press("escape")
+    await screen.do("theme", "1")
+    await screen.until(lambda: screen.app.theme == "silo-16", "its colours")
 
 
 @pytest.mark.slow
@@ -575,23 +556,22 @@ def test_the_bar_of_parameters_says_at_80_columns_what_turns_them():
     assert [command.id for command, _ in shown].index("turn_down") < 6
 
 
-async def test_in_the_palette_what_is_called_so_comes_first_and_is_shown_at_once(fake, opened):
-    async with opened(fake.run(), size=(120, 40)) as screen:
-        for name, keys in itertools.product(("histogram", "spectrum"), (["m", "ctrl+p"], ["ctrl+p"])):
-            await screen.press(*keys)  # of the plots, of the table
-            await screen.type(name)
-            await screen.until(lambda name=name: name.title() in screen.text)
-            found = screen.app.screen.query_one("CommandList")
-            await screen.until(
-                lambda found=found, name=name: (
-                    found.option_count and str(found.get_option_at_index(0).prompt).startswith(name.title())
-                )
+async def test_in_the_palette_what_is_called_so_comes_first_and_is_shown_at_once(screen, ran_s=12, size=(120, 40)):
+    for name, keys in itertools.product(("histogram", "spectrum"), (["m", "ctrl+p"], ["ctrl+p"])):
+        await screen.press(*keys)  # of the plots, of the table
+        await screen.type(name)
+        await screen.until(lambda name=name: name.title() in screen.text)
+        found = screen.app.screen.query_one("CommandList")
+        await screen.until(
+            lambda found=found, name=name: (
+                found.option_count and str(found.get_option_at_index(0).prompt).startswith(name.title())
             )
-            await screen.press("enter")
-            await screen.until(lambda name=name: getattr(screen.app.screen, "mode", "") == name, name)
-            assert screen.app.screen.scope == "detail"
-            await screen.do("go_home")
-            await screen.until(lambda: screen.app.screen.scope == "table", "the table")
+        )
+        await screen.press("enter")
+        await screen.until(lambda name=name: getattr(screen.app.screen, "mode", "") == name, name)
+        assert screen.app.screen.scope == "detail"
+        await screen.do("go_home")
+        await screen.until(lambda: screen.app.screen.scope == "table", "the table")
 
 
 async def test_the_bar_of_plots_says_how_to_go_back_and_later_only_where_there_is_something(fake, opened):

@@ -49,37 +49,34 @@ async def test_an_answer_typed_before_its_dialog_is_made_is_for_the_dialog(slow_
             await screen.until(lambda: any(call[0] == "mark" and "hi" in str(call) for call in fake.calls))
 
 
-async def test_who_spells_out_what_one_letter_chose_gives_no_commands_by_the_rest(fake, opened):
-    async with opened(fake) as screen:
-        burst(screen, "o v a l u e")
-        await screen.shows("e: left out, v alone chose it")
-        assert screen.session.rows.sort == "value"
-        assert screen.app.screen.scope == "table"
-        burst(screen, "o c o d o n t")  # neither a box that is opened again nor what spells nothing is left out
-        await screen.until(lambda: screen.value("/log/base/orientation", Field.ENABLED) == "off")
-        assert screen.session.rows.sort == "tree"
+async def test_who_spells_out_what_one_letter_chose_gives_no_commands_by_the_rest(screen):
+    burst(screen, "o v a l u e")
+    await screen.shows("e: left out, v alone chose it")
+    assert screen.session.rows.sort == "value"
+    assert screen.app.screen.scope == "table"
+    burst(screen, "o c o d o n t")  # neither a box that is opened again nor what spells nothing is left out
+    await screen.until(lambda: screen.value("/log/base/orientation", Field.ENABLED) == "off")
+    assert screen.session.rows.sort == "tree"
 
 
-async def test_a_word_typed_after_a_while_is_commands(fake, opened):
-    async with opened(fake) as screen:
-        for at_s, key in enumerate("odi"):
-            typed = events.Key(key, key)
-            typed.time = float(at_s)
-            screen.app.post_message(typed)
-        await screen.until(lambda: screen.session.rows.sort == "div")
-        await screen.until(lambda: screen.app.screen.inspector_wanted, "i was a command")
+async def test_a_word_typed_after_a_while_is_commands(screen):
+    for at_s, key in enumerate("odi"):
+        typed = events.Key(key, key)
+        typed.time = float(at_s)
+        screen.app.post_message(typed)
+    await screen.until(lambda: screen.session.rows.sort == "div")
+    await screen.until(lambda: screen.app.screen.inspector_wanted, "i was a command")
 
 
-async def test_a_question_that_loses_something_takes_no_answer_from_before(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        burst(screen, "t a D")
-        await screen.until(lambda: isinstance(screen.app.screen, Question), "the question")
-        await screen.shows("were dropped")
-        await screen.until(lambda: screen.app.gate.free)
-        assert isinstance(screen.app.screen, Question)
-        assert not any(call[0] == "apply" for call in fake.calls)
-        await screen.press("D")
-        await screen.until(lambda: any(call[0] == "apply" for call in fake.calls))
+async def test_a_question_that_loses_something_takes_no_answer_from_before(fake, screen, ran_s=20):
+    burst(screen, "t a D")
+    await screen.until(lambda: isinstance(screen.app.screen, Question), "the question")
+    await screen.shows("were dropped")
+    await screen.until(lambda: screen.app.gate.free)
+    assert isinstance(screen.app.screen, Question)
+    assert not any(call[0] == "apply" for call in fake.calls)
+    await screen.press("D")
+    await screen.until(lambda: any(call[0] == "apply" for call in fake.calls))
 
 
 @pytest.mark.parametrize("slow_to_mount", [Question], indirect=True)
@@ -106,10 +103,9 @@ async def test_a_key_typed_early_over_a_question_without_an_answer_is_no_mistake
         assert "mistake" not in screen.text
 
 
-async def test_what_loses_nothing_may_be_answered_blind(fake, opened):
-    async with opened(fake.run(20)) as screen:
-        burst(screen, "S y")
-        await screen.until(lambda: any(call[0] == "stop" for call in fake.calls))
+async def test_what_loses_nothing_may_be_answered_blind(fake, screen, ran_s=20):
+    burst(screen, "S y")
+    await screen.until(lambda: any(call[0] == "stop" for call in fake.calls))
 
 
 async def test_esc_lets_go_what_never_comes(fake, opened):

@@ -73,25 +73,23 @@ async def test_a_view_keeps_axes_of_powers_of_ten(new_fake, opened):
         assert capture(screen.app.context) == kept
 
 
-async def test_plots_belong_to_what_is_on_the_screen_before_they_are_drawn(opened, fake):
-    async with opened(fake) as screen:
-        screen.app.push_screen(MonitorScreen(screen.session, screen.session.table.names[:1]))
-        kept = capture(screen.app.context)
-        await screen.until(lambda: screen.app.screen.is_there, "the plots")
-        assert kept.plots
-        assert capture(screen.app.context) == kept
+async def test_plots_belong_to_what_is_on_the_screen_before_they_are_drawn(screen):
+    screen.app.push_screen(MonitorScreen(screen.session, screen.session.table.names[:1]))
+    kept = capture(screen.app.context)
+    await screen.until(lambda: screen.app.screen.is_there, "the plots")
+    assert kept.plots
+    assert capture(screen.app.context) == kept
 
 
-async def test_a_view_is_kept_by_its_word_and_listed(fake, opened):
-    async with opened(fake) as screen:
-        await run(screen, "sort size")
-        await run(screen, "view save my view")
-        await screen.shows("view my view kept")
-        await run(screen, "sort name")
-        await run(screen, "view")
-        await screen.shows("views: my view")
-        await run(screen, "view my view")
-        await screen.until(lambda: screen.session.rows.sort == "size")
+async def test_a_view_is_kept_by_its_word_and_listed(screen):
+    await run(screen, "sort size")
+    await run(screen, "view save my view")
+    await screen.shows("view my view kept")
+    await run(screen, "sort name")
+    await run(screen, "view")
+    await screen.shows("views: my view")
+    await run(screen, "view my view")
+    await screen.until(lambda: screen.session.rows.sort == "size")
 
 
 async def test_a_view_keeps_order_column_set_folds_and_components(new_fake, opened):
