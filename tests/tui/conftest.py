@@ -519,8 +519,17 @@ class Screen:
     async def shows(self, words: str) -> None:
         await self.until(lambda: words in self.text, f"{words!r} on the screen")
 
-    async def press(self, *keys: str) -> None:
+    async def seen(self, shows: str, at: str) -> None:
+        """Wait for what a step shows, and where it leads to, if it says so."""
+        if shows:
+            await self.shows(shows)
+        if at:
+            await self.until(lambda: getattr(self.app.screen, "scope", "") == at, f"the screen of {at}")
+
+    async def press(self, *keys: str, shows: str = "", at: str = "") -> None:
         """Press keys one after the other; each is carried out, with what it set off, before the next.
+
+        As of all steps, words that it `shows` are waited for, and the screen that it leads to, by its scope (`at`).
 
         `Pilot.press` waits besides until the process uses no processor time, at least 40 ms a key and up to seconds
         in a program that draws live values.
@@ -533,12 +542,14 @@ class Screen:
                 self.app.post_message(events.Key(name, character_of(name)))
                 await self.carried_out()
         await self.pilot.pause(0)
+        await self.seen(shows, at)
 
-    async def do(self, *steps: str) -> None:
+    async def do(self, *steps: str, shows: str = "", at: str = "") -> None:
         """Press the keys of commands by their ids (`toggle`), whatever they are; other words are keys."""
         for step in steps:
             is_key = step in ("down", "up", "left", "right") or step not in BY_ID
             await self.press(*([step] if is_key else with_keys(BY_ID[step]).keys.split(",")[0].split()))
+        await self.seen(shows, at)
 
     def _may_be_answered(self) -> bool:
         """Whether no question is open that may lose something and drops what was typed before one could read it."""
@@ -562,17 +573,18 @@ class Screen:
             assert self.app.is_running
             await self.press("escape")
 
-    async def type(self, words: str) -> None:
+    async def type(self, words: str, shows: str = "", at: str = "") -> None:
         """All at once, as a slow link or a paste brings it."""
         names = {"/": "slash", ":": "colon", "*": "asterisk"}
         for char in words:
             self.app.post_message(events.Key(names.get(char, char), char))
         await self.carried_out()
+        await self.seen(shows, at)
 
-    async def enter(self, words: str, *keys: str) -> None:
+    async def enter(self, words: str, *keys: str, shows: str = "", at: str = "") -> None:
         """Type words, press Enter, then keys."""
         await self.type(words)
-        await self.press("enter", *keys)
+        await self.press("enter", *keys, shows=shows, at=at)
 
     async def plot(self, *keys: str) -> None:
         """Press keys that lead to plots, and wait for their curves."""

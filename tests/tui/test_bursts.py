@@ -5,7 +5,6 @@ from textual import events
 from textual.geometry import Size
 
 from silo_tui.model.table.fields import Field
-from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.screens.table import TableScreen
 from tests.tui.conftest import character_of
 
@@ -36,8 +35,7 @@ async def test_keys_typed_fast_go_where_a_choice_leads_and_leave_the_table_where
 
 async def test_keys_typed_fast_into_the_find_menu_leave_the_plots_where_they_are(screen, ran_s=12):
     for keys in ("f h h", "f r o z e n", "f asterisk h l", "f escape escape j"):
-        await screen.do("go_home", "monitor")
-        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
+        await screen.do("go_home", "monitor", at="monitor")
         burst(screen, keys)
         await screen.carried_out()
         assert any(isinstance(each, TableScreen) for each in screen.app.screen_stack), keys
@@ -47,8 +45,7 @@ async def test_keys_typed_fast_into_the_find_menu_leave_the_plots_where_they_are
 
 async def test_plots_are_drawn_in_any_size_before_they_are_told_of_it(fake, opened, monkeypatch):
     async with opened(fake.run(), size=(160, 50)) as screen:
-        await screen.press("j", "space", "space", "space", "m")
-        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
+        await screen.press("j", "space", "space", "space", "m", at="monitor")
         stack = screen.app.screen.stack
         await screen.until(lambda: not stack.store.empty)
         for size in (Size(160, 48), Size(80, 22), Size(120, 38), Size(80, 22), Size(160, 48)):

@@ -324,43 +324,32 @@ class TestScreens:
         fake.trigger_statuses = [FALL, BLIND]
         async with opened(fake) as screen:
             await screen.shows("1 trigger armed")
-            await screen.press("T")
-            await screen.shows("abs(base/roll) > 0.6")
+            await screen.press("T", shows="abs(base/roll) > 0.6")
             await screen.press("t")
             await screen.until(lambda: ("arm_trigger", "fall", False) in fake.calls)
             await screen.shows("trigger 'fall' is off")
             await done(screen)
-            await screen.press("j")
-            await screen.shows("low is blind: /log/x is off; switch it on in the table")
-            await screen.press("!")
-            await screen.shows("trigger 'low' was fired")
+            await screen.press("j", shows="low is blind: /log/x is off; switch it on in the table")
+            await screen.press("!", shows="trigger 'low' was fired")
             assert ("force_trigger", "low") in fake.calls
             await done(screen)
-            await screen.press("k", "x")
-            await screen.shows("Delete trigger fall of robot?")
+            await screen.press("k", "x", shows="Delete trigger fall of robot?")
             await screen.press("enter")
             await screen.until(lambda: not screen.app.screen.is_modal)
             assert len(fake.trigger_statuses) == 2
-            await screen.press("x")
-            await screen.shows("Delete trigger fall of robot?")
-            await screen.press("y")
-            await screen.shows("trigger 'fall' is removed")
+            await screen.press("x", shows="Delete trigger fall of robot?")
+            await screen.press("y", shows="trigger 'fall' is removed")
             assert [one.options.name for one in fake.trigger_statuses] == ["low"]
             await done(screen)
-            await screen.press("escape")
-            await screen.until(lambda: screen.app.screen.scope == "table")
+            await screen.press("escape", at="table")
 
     async def test_a_trigger_is_made_tried_and_set(self, fake, screen):
-        await screen.press("T")
-        await screen.shows("No triggers. N makes one")
-        await screen.press("N")
-        await screen.shows("the condition: signals")
+        await screen.press("T", shows="No triggers. N makes one")
+        await screen.press("N", shows="the condition: signals")
         await screen.press("tab")  # as one reads it
-        await screen.type("x > 3")
-        await screen.shows("name it")
+        await screen.type("x > 3", shows="name it")
         await screen.press("shift+tab")
-        await screen.type("high")
-        await screen.shows("would have fired 3 ×")
+        await screen.type("high", shows="would have fired 3 ×")
         await screen.press("enter")
         await screen.until(lambda: fake.trigger_statuses)
         await screen.shows("ARMED")
@@ -368,8 +357,7 @@ class TestScreens:
 
     @pytest.mark.parametrize("when", ["", "x > 3"])
     async def test_a_name_that_no_file_can_have_is_told_before_enter(self, when, screen):
-        await screen.press("T", "N")
-        await screen.shows("the condition: signals")
+        await screen.press("T", "N", shows="the condition: signals")
         form = screen.app.screen
         form.field("when").value = when
         form.field("name").value = "legs/high"
@@ -379,8 +367,7 @@ class TestScreens:
         await screen.shows("would have fired 3 ×" if when else "the condition: signals")
 
     async def test_what_buffers_are_too_short_for_is_told_before_enter(self, screen, size=(160, 50)):
-        await screen.press("T", "N")
-        await screen.shows("the condition: signals")
+        await screen.press("T", "N", shows="the condition: signals")
         screen.app.screen.field("when").value = "x > 3"
         await screen.shows("would have fired 3 ×")
         assert "refused" not in screen.text
@@ -410,8 +397,7 @@ class TestScreens:
             TriggerStatus(TriggerOptions(name, "x > 1", 1, 1), TriggerWord.ARMED) for name in ("slip", "tilt")
         ]
         async with opened(fake.run(20)) as screen:
-            await screen.press("T")
-            await screen.shows("slip")
+            await screen.press("T", shows="slip")
             await screen.press("N")
             await screen.type("high")
             await screen.press("tab")
@@ -419,23 +405,19 @@ class TestScreens:
             await screen.press("enter")
             await screen.until(lambda: getattr(screen.app.screen, "chosen_key", "") == "high")
             await screen.press("escape")
-            await screen.do("plot", "plot_trigger")  # its form, from a plot
-            await screen.shows("New trigger")
+            await screen.do("plot", "plot_trigger", shows="New trigger")  # its form, from a plot
             await screen.press("enter")
             await screen.until(lambda: len(fake.trigger_statuses) == 4, "the trigger")
             await done(screen)
-            await screen.do("triggers")
-            await screen.until(lambda: getattr(screen.app.screen, "scope", "") == "triggers", "the list")
+            await screen.do("triggers", at="triggers")
             await screen.until(lambda: screen.app.screen.chosen_key == fake.trigger_statuses[-1].options.name)
 
     async def test_in_live_plots_too_a_trigger_begins_at_the_level_under_the_cursor_or_at_that_which_was_looked_for(
         self, screen, ran_s=20
     ):
         await screen.enter(":goto LF/HAA/torque")
-        await screen.do("monitor")
-        await screen.shows("live")
-        await screen.do(*["cursor_left"] * 4, "plot_trigger")
-        await screen.shows("New trigger")
+        await screen.do("monitor", shows="live")
+        await screen.do(*["cursor_left"] * 4, "plot_trigger", shows="New trigger")
         await screen.shows("PAUSED")  # as what is found: the cursor's moment would move on
         line = next(line for line in screen.text.splitlines() if "when" in line)
         level = float(re.search(r"torque > (\S+)", line)[1])
@@ -443,12 +425,9 @@ class TestScreens:
         shown = (await plots.readings_here())["/log/legs/LF/HAA/torque"].newest[0]
         assert level == pytest.approx(shown, rel=1e-4)
         await screen.press("escape")
-        await screen.do("pause")
-        await screen.shows("live")
-        await screen.press("f", "x", *"<2", "enter")
-        await screen.shows("crossing of 2 falling")
-        await screen.do("plot_trigger")
-        await screen.shows("legs/LF/HAA/torque < 2 ")
+        await screen.do("pause", shows="live")
+        await screen.press("f", "x", *"<2", "enter", shows="crossing of 2 falling")
+        await screen.do("plot_trigger", shows="legs/LF/HAA/torque < 2 ")
         await screen.press("escape")
         await screen.do("cursor_left", "cursor_left", "plot_trigger")  # elsewhere it is that of the cursor
         await screen.shows("New trigger")
@@ -474,54 +453,41 @@ class TestScreens:
         fake.limit_statuses = [HOT, LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0)]
         async with opened(fake) as screen:
             await screen.shows("1 alarm (HH)")
-            await screen.press("A")
-            await screen.shows("86.31")
+            await screen.press("A", shows="86.31")
             assert "1 over limits now │ 2 limits" in screen.text
             assert "> HH" in screen.text  # where the cursor is reaches also who sees no colours
             await screen.press("K")
             await screen.until(lambda: ("acknowledge", "/log/LF/HAA/torque") in fake.calls)
             await screen.shows("LF/HAA/torque: 1 alarm seen by ann")
             await done(screen)
-            await screen.press("x")
-            await screen.shows("Delete limits of /LF/HAA/torque on robot?")
+            await screen.press("x", shows="Delete limits of /LF/HAA/torque on robot?")
             await screen.press("y")
             await screen.until(lambda: ("remove_limits", HOT.limits) in fake.calls)
             await done(screen)
-            await screen.press("T")
-            await screen.shows("No triggers")
+            await screen.press("T", shows="No triggers")
 
     async def test_a_form_tells_what_the_field_means_that_has_the_keys_and_what_limits_without_a_bound_do(self, screen):
-        await screen.press("A", "N")
-        await screen.shows("signal: a name as the table shows it")
-        await screen.press("tab")
-        await screen.shows("LL: red below this")
-        await screen.press("up")
-        await screen.shows("signal: a name as the table shows it")
-        await screen.press("down")
-        await screen.shows("LL: red below this")
-        await screen.press("escape", "N")
-        await screen.shows("Limits of a signal")
+        await screen.press("A", "N", shows="signal: a name as the table shows it")
+        await screen.press("tab", shows="LL: red below this")
+        await screen.press("up", shows="signal: a name as the table shows it")
+        await screen.press("down", shows="LL: red below this")
+        await screen.press("escape", "N", shows="Limits of a signal")
         await screen.type("legs/LF/HAA/torque")
         await screen.press(*["tab"] * 7)
-        await screen.type("1s")
-        await screen.shows("no bound: it is an alarm where it stays the same for so long")
+        await screen.type("1s", shows="no bound: it is an alarm where it stays the same for so long")
 
     async def test_more_marked_alarms_than_plots_are_told(self, fake, opened):
         names = [info.name + info.entries[0].suffix for info in fake.elements[:9]]
         fake.limit_statuses = [LimitStatus(name, name, LimitWord.RED_HIGH, value=9.0, count=1) for name in names]
         async with opened(fake) as screen:
-            await screen.press("A")
-            await screen.shows("/legs/LF/contact")
-            await screen.press("*")
-            await screen.shows("9 marked │ :unmark unmarks")
-            await screen.do("plot_conditions")
-            await screen.shows("the first 6 of 9 signals: mark others")
+            await screen.press("A", shows="/legs/LF/contact")
+            await screen.press("*", shows="9 marked │ :unmark unmarks")
+            await screen.do("plot_conditions", shows="the first 6 of 9 signals: mark others")
 
     async def test_an_alarm_of_what_is_no_signal_of_the_table_is_not_plotted(self, fake, opened):
         fake.limit_statuses = [LimitStatus("/log/gone", "/log/gone", LimitWord.RED_HIGH, value=9.0, count=1)]
         async with opened(fake) as screen:
-            await screen.press("A")
-            await screen.shows("/gone")
+            await screen.press("A", shows="/gone")
             await screen.do("plot_conditions")
             await screen.shows("nothing of it can be plotted: it is no signal of the table")
 
@@ -532,8 +498,7 @@ class TestScreens:
         )
         fake.limit_statuses = [HOT]
         async with opened(fake) as screen:
-            await screen.press("A")
-            await screen.shows("86.31")
+            await screen.press("A", shows="86.31")
             await screen.press("e")
             await screen.until(lambda: isinstance(screen.app.screen, LimitsDialog), "the form")
             await screen.press("tab", "tab", "7")
@@ -544,10 +509,8 @@ class TestScreens:
         given = GIVEN
         fake.limit_statuses = [replace(HOT, name=given.name, limits=given.name).given(given)]
         async with opened(fake) as screen:
-            await screen.press("A")
-            await screen.shows("86.31")
-            await screen.press("e")
-            await screen.shows("Limits of /legs/LF/HAA/torque")
+            await screen.press("A", shows="86.31")
+            await screen.press("e", shows="Limits of /legs/LF/HAA/torque")
             assert screen.app.screen.fields == {
                 "signal": "legs/LF/HAA/torque", "LL": "", "L": "", "H": "60", "HH": "80", "persist": "3",
                 "hyst": "1", "stale": "0.5s", "when": "imu/temperature > 1",
@@ -566,8 +529,7 @@ class TestScreens:
             for _ in range(2):
                 await screen.until(lambda: getattr(screen.app.screen, "scope", "") == "monitor", "plots")
                 await screen.until(lambda: screen.app.screen.window.at_ns == worst_ns, "the worst")
-                await screen.press("escape")
-                await screen.until(lambda: screen.app.screen.scope == "alarms", "the alarms")
+                await screen.press("escape", at="alarms")
                 await screen.do("alarm_worst")
             await screen.until(lambda: getattr(screen.app.screen, "scope", "") == "monitor", "plots")
             await screen.until(lambda: screen.app.screen.window.at_ns == worst_ns, "the worst")
@@ -582,10 +544,8 @@ class TestScreens:
         given = replace(GIVEN, name="/log/LF/HAA/torque")
         fake.limit_statuses = [HOT.given(given)]
         async with opened(fake) as screen:
-            await screen.press("A")
-            await screen.shows("86.31")
-            await screen.press("N")
-            await screen.shows("Limits of a signal")
+            await screen.press("A", shows="86.31")
+            await screen.press("N", shows="Limits of a signal")
             await screen.type("LF/HAA/torque")
             for word in ("tab", "tab", "tab", *"50", "tab", *"7o", "enter"):
                 await screen.press(word)
@@ -598,8 +558,7 @@ class TestScreens:
     async def test_limits_of_what_is_marked_are_of_all_of_it_by_the_pattern_that_means_it(self, fake, opened):
         async with opened(fake.run(20), size=(120, 40)) as screen:
             await screen.enter("/torque")
-            await screen.press("asterisk")
-            await screen.shows("12 marked")
+            await screen.press("asterisk", shows="12 marked")
             screen.app.screen.action_command("limits_of_row")
             await screen.shows("Limits of /legs/*/*/torque on")
             assert screen.app.screen.fields["signal"] == "legs/*/*/torque"
@@ -699,10 +658,8 @@ class TestScreens:
         async with opened(fake.run(20), size=(100, 24)) as screen:
             await screen.shows("1 alarm ended unseen")
             for keys in (("A",), ("escape", "m")):
-                await screen.press(*keys)
-                await screen.shows("1 alarm (HH)")
-            await screen.press("escape")
-            await screen.shows("1 alarm ended unseen")
+                await screen.press(*keys, shows="1 alarm (HH)")
+            await screen.press("escape", shows="1 alarm ended unseen")
 
     @pytest.mark.parametrize("kind", ["limits", "trigger"])
     async def test_what_is_refused_stays_as_it_was_typed(self, fake, opened, monkeypatch, kind):
@@ -722,8 +679,7 @@ class TestScreens:
             typed = {"signal": "LF/HAA/torque", "H": "50"} if kind == "limits" else {"name": "a", "when": "x > 1"}
             for name, words in typed.items():
                 screen.app.screen.field(name).value = words
-            await screen.press("enter")
-            await screen.shows("that is too much")
+            await screen.press("enter", shows="that is too much")
             assert {name: screen.app.screen.fields[name] for name in typed} == typed
             line = screen.app.focused
             whole = line.value
@@ -753,8 +709,7 @@ class TestScreens:
             await screen.shows("New trigger on robot")
             own = screen.app.screen.fields["when"]
             screen.app.screen.field("name").value, screen.app.screen.field("when").value = "a", "x > 1"
-            await screen.press("enter")
-            await screen.shows("no buffer holds that: set size=202")
+            await screen.press("enter", shows="no buffer holds that: set size=202")
             await screen.press("escape", "down", "N", "t")  # as who mends it on another row
             await screen.shows("as it was left; Esc, then the same key again, begins anew")
             assert [screen.app.screen.fields[name] for name in ("name", "when")] == ["a", "x > 1"]
@@ -772,8 +727,7 @@ class TestScreens:
     ):
         begun = []
         for _ in range(3):
-            await screen.press(*keys)
-            await screen.shows(title)
+            await screen.press(*keys, shows=title)
             await screen.until(lambda: screen.app.screen.query(f"#form-{line}"))
             begun.append(screen.app.screen.field(line).value)
             assert ("as it was left" in screen.text) is (begun[-1] == "12.5")
@@ -816,8 +770,7 @@ class TestScreens:
                 found += [await left(screen, "Nl", "H"), await left(screen, "w", "name")]
             assert found == ["3", "", "4", "12.5"]
             await left(screen, "w", "name")
-            await screen.press("ctrl+l")
-            await screen.shows("legs")
+            await screen.press("ctrl+l", shows="legs")
             await screen.press("down", "enter")
             await screen.until(lambda: screen.app.context.has_session and screen.session.name == "legs")
             await screen.until(lambda: screen.session.connected and screen.app.screen.scope == "table")
@@ -827,11 +780,9 @@ class TestScreens:
         quiet = LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0, bounds=(None, 0.0, 2.5, None))
         fake.limit_statuses = [quiet]
         async with opened(fake, size=(120, 24)) as screen:
-            await screen.press("A")
-            await screen.shows("within L 0 H 2.5 │ 0 over limits now │ 1 limit")
+            await screen.press("A", shows="within L 0 H 2.5 │ 0 over limits now │ 1 limit")
             fake.limit_statuses = [quiet, HOT]
-            await screen.press("r")
-            await screen.shows("86.31")
+            await screen.press("r", shows="86.31")
             assert screen.text.index("86.31") < screen.text.index("OK      /y")
             between = {"bounds": (None, 0.0, 2.5, None)}
             for now, told in (
@@ -841,16 +792,14 @@ class TestScreens:
                 ({"bounds": (1.0, None, None, None), "stale_s": 2.0}, "within LL 1, never the same for 2 s"),
             ):
                 fake.limit_statuses = [LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0, **now)]
-                await screen.press("r")
-                await screen.shows("read again")
+                await screen.press("r", shows="read again")
                 screen.app.screen.say("")
                 await screen.shows(f"\n {told} │ 0 over limits now")
 
     async def test_an_alarm_that_came_again_says_who_saw_it_and_how_often_it_came_since(self, fake, opened):
         fake.limit_statuses = [replace(HOT, seen_by="ann@pc", since_seen=2, count=5)]
         async with opened(fake, size=(100, 24)) as screen:
-            await screen.press("A")
-            await screen.shows("    5 2 NEW")
+            await screen.press("A", shows="    5 2 NEW")
             await screen.shows("2 × again since ann@pc saw it (e: persist or")
 
     async def test_an_element_beyond_its_limits_has_the_sign_in_the_table(self, fake, opened):
@@ -861,10 +810,8 @@ class TestScreens:
             await screen.shows("1 alarm (HH)")
 
     async def test_a_plot_makes_a_trigger_at_its_level(self, fake, screen, ran_s=20):
-        await screen.press("m")
-        await screen.until(lambda: screen.app.screen.scope == "monitor")
-        await screen.press("N")
-        await screen.shows("New trigger on robot")
+        await screen.press("m", at="monitor")
+        await screen.press("N", shows="New trigger on robot")
         await screen.press("enter")
         await screen.until(lambda: fake.trigger_statuses)
         assert " > " in fake.trigger_statuses[0].options.when
@@ -881,16 +828,13 @@ class TestLists:
     async def test_marked_triggers_are_switched_together_and_removed_after_a_question(self, fake, opened):
         fake.trigger_statuses = [FALL, BLIND, OFF]
         async with opened(fake) as screen:
-            await screen.press("T")
-            await screen.shows("ARMED")
-            await screen.press("V", "j", "V")
-            await screen.shows("2 marked")
+            await screen.press("T", shows="ARMED")
+            await screen.press("V", "j", "V", shows="2 marked")
             await screen.press("t")
             await screen.until(lambda: ("arm_trigger", "low", False) in fake.calls)
             assert ("arm_trigger", "fall", False) in fake.calls
             await done(screen)
-            await screen.press("x")
-            await screen.shows("Delete 2 triggers of robot?")
+            await screen.press("x", shows="Delete 2 triggers of robot?")
             await screen.press("escape")
             assert not [call for call in fake.calls if call[0] == "remove_trigger"]
 
@@ -931,19 +875,16 @@ class TestLists:
     ):
         fake.limit_statuses = [HOT, COLD]
         async with opened(fake) as screen:
-            await screen.press("A")
-            await screen.shows("/a/cold")
+            await screen.press("A", shows="/a/cold")
             fake.limit_statuses = [COLD]
             await screen.press("r")
             await screen.until(lambda: "torque" not in screen.text)
-            await screen.press("K")
-            await screen.shows("/LF/HAA/torque is gone, /a/cold stands there now")
+            await screen.press("K", shows="/LF/HAA/torque is gone, /a/cold stands there now")
             assert not [call for call in fake.calls if call[0] == "acknowledge"]
             await screen.press("K")
             await screen.until(lambda: ("acknowledge", "/log/a/cold") in fake.calls)
             fake.limit_statuses = [HOT, COLD]
-            await screen.press("r")
-            await screen.shows("/LF/HAA/torque")
+            await screen.press("r", shows="/LF/HAA/torque")
             await screen.press("*", "K")
             await screen.until(lambda: ("acknowledge", "/log/LF/HAA/torque", "/log/a/cold") in fake.calls)
 
@@ -951,10 +892,8 @@ class TestLists:
         name = fake.elements[0].name.removeprefix("/log/")
         fake.trigger_statuses = [TriggerStatus(TriggerOptions("one", f"abs({name}) > 1"), TriggerWord.ARMED)]
         async with opened(fake) as screen:
-            await screen.press("T")
-            await screen.shows("ARMED")
-            await screen.press("m")
-            await screen.until(lambda: screen.app.screen.scope == "monitor")
+            await screen.press("T", shows="ARMED")
+            await screen.press("m", at="monitor")
             assert {plot.element.name for plot in screen.app.screen.stack.plots} == {fake.elements[0].name}
 
     async def test_from_one_screen_beside_the_table_to_another_and_back_by_one_esc(self, screen):
@@ -962,34 +901,26 @@ class TestLists:
             await screen.press(key)
             await screen.until(lambda scope=scope: screen.app.screen.scope == scope)
         await screen.press(":")
-        await screen.enter("triggers")
-        await screen.until(lambda: screen.app.screen.scope == "triggers")
-        await screen.press("escape")
-        await screen.until(lambda: screen.app.screen.scope == "table")
+        await screen.enter("triggers", at="triggers")
+        await screen.press("escape", at="table")
 
     async def test_a_row_of_the_table_makes_a_trigger_or_limits(self, fake, opened):
         fake.run(20)
         async with opened(fake) as screen:
-            await screen.press("N", "t")
-            await screen.shows("New trigger on robot")
+            await screen.press("N", "t", shows="New trigger on robot")
             name, _, level = screen.app.screen.fields["when"].partition(" > ")
             past = await screen.session.source.history([f"/log/{name}"], fake.now_ns - 10**10, fake.now_ns, 10**9)
             assert np.nanmax(past.high) < float(level) < np.nanmax(past.high) + 1, "it would not have fired"
-            await screen.press("escape")
-            await screen.until(lambda: screen.app.screen.scope == "table")
+            await screen.press("escape", at="table")
             await screen.press("N", "l")
             await screen.shows("Limits of /base/orientation on")  # a row of a vector means all of it
             await screen.press("escape")
             await screen.do("component", "component")  # the norm, then its first entry
-            await screen.press("N", "l")
-            await screen.shows("Limits of /base/orientation_x")
-            await screen.press("enter")
-            await screen.shows("type a number into LL, L, H or HH")
+            await screen.press("N", "l", shows="Limits of /base/orientation_x")
+            await screen.press("enter", shows="type a number into LL, L, H or HH")
             assert screen.app.screen.focused is screen.app.screen.field("LL")
-            await screen.press("tab", "tab", "3", "tab", "2", "enter")
-            await screen.shows("must rise")
-            await screen.press("backspace", "4")
-            await screen.shows(" H▲ HH▲")  # its newest values lie below both
+            await screen.press("tab", "tab", "3", "tab", "2", "enter", shows="must rise")
+            await screen.press("backspace", "4", shows=" H▲ HH▲")  # its newest values lie below both
             assert "╌" not in screen.text
             middle = (np.nanmin(past.low) + np.nanmax(past.high)) / 2
             screen.app.screen.field("H").value = f"{middle:.6f}"
@@ -1017,8 +948,7 @@ async def test_limits_of_several_values_are_looked_at_as_they_are_set(name, many
 
     monkeypatch.setattr(fake, "try_trigger", try_trigger)
     async with opened(fake) as screen:
-        await screen.press("N", "l")
-        await screen.shows("Limits of ")
+        await screen.press("N", "l", shows="Limits of ")
         form = screen.app.screen
         form.field("signal").value = name
         form.field("L").value, form.field("H").value = "-1", "900"
@@ -1063,23 +993,18 @@ def test_signals_are_found_in_a_condition_by_name_entry_and_glob(robot):
 async def test_a_capture_without_end_says_how_long_it_is_and_what_ends_it(fake, opened):
     fake.trigger_statuses = [replace(FALL, state=TriggerWord.FIRING, capturing_s=14.0)]
     async with opened(fake) as screen:
-        await screen.press("T")
-        await screen.shows("fall")
-        await screen.press("enter")
-        await screen.shows("its first capture is under way; m plots its signals │")
+        await screen.press("T", shows="fall")
+        await screen.press("enter", shows="its first capture is under way; m plots its signals │")
         await screen.shows("fall captures, 14 s so")
         await screen.shows("the file is written 1 s after the last fire, or after 60 s")
 
 
 async def test_a_condition_is_tried_before_the_trigger_has_a_name(fake, screen):
-    await screen.press("T", "N")
-    await screen.shows("the condition: signals")
+    await screen.press("T", "N", shows="the condition: signals")
     await screen.press("tab")
-    await screen.type("nobody > 3")
-    await screen.shows("no signal is named 'nobody'")
+    await screen.type("nobody > 3", shows="no signal is named 'nobody'")
     assert screen.app.screen.query_one("#form-told").has_class("quiet")  # one types still
-    await screen.press("backspace", "enter")
-    await screen.shows("'name' is empty: it stands in names of files")
+    await screen.press("backspace", "enter", shows="'name' is empty: it stands in names of files")
     assert screen.app.screen.query_one("#form-told").has_class("failed")
     assert fake.trigger_statuses == []
 
@@ -1090,8 +1015,7 @@ async def test_names_of_triggers_never_look_alike(size, fake, opened):
     names = ["overcurrent_left", "overcurrent_right"]
     fake.trigger_statuses = [TriggerStatus(TriggerOptions(name, "x > 1"), TriggerWord.ARMED) for name in names]
     async with opened(fake, size=size) as screen:
-        await screen.press("T")
-        await screen.shows("ARMED")
+        await screen.press("T", shows="ARMED")
         shown = [line[2:].split()[1] for line in screen.text.splitlines() if "x > 1" in line and "ARMED" in line]
         assert len(set(shown)) == 2
         assert size[0] < 160 or shown == names
@@ -1102,8 +1026,7 @@ async def test_twelve_motors_look_different_in_the_alarms(fake, opened):
     legs = [f"/log/legs/{leg}/{joint}/winding_temperature" for leg in ("LF", "RF", "LH", "RH") for joint in JOINTS]
     fake.limit_statuses = [replace(HOT, name=name, limits=name) for name in legs]
     async with opened(fake) as screen:
-        await screen.press("A")
-        await screen.shows("signal in /legs")
+        await screen.press("A", shows="signal in /legs")
         lines = [line[2:].split()[1] for line in screen.text.splitlines() if line[2:].startswith("HH")]
         assert len(set(lines)) == 12
         assert sum("KFE" in line for line in lines) == 4
@@ -1118,8 +1041,7 @@ async def test_an_alarm_of_a_logger_that_was_stopped_lasts_no_longer_and_its_nam
     ]
     fake.stop()
     async with opened(fake) as screen:
-        await screen.press("A")
-        await screen.shows("   12 s ")
+        await screen.press("A", shows="   12 s ")
         await screen.until(lambda: "temperature: above its red limit" in screen.text, "its whole name")
 
 
@@ -1128,5 +1050,4 @@ async def test_more_alarms_than_are_listed_are_told(fake, opened, monkeypatch):
     monkeypatch.setattr("silo_tui.screens.lists.alarms.MOST_LINES", 1)
     fake.limit_statuses = [HOT, COLD]
     async with opened(fake) as screen:
-        await screen.press("A")
-        await screen.shows("the first 1 of 2")
+        await screen.press("A", shows="the first 1 of 2")

@@ -51,27 +51,23 @@ async def test_what_only_the_robot_program_does_says_that_it_is_gone_and_opens_n
 @pytest.mark.parametrize("keys", ["rr", "ed", "rd", "rn", "ea"])
 async def test_a_menu_says_of_a_robot_program_that_is_gone_what_nobody_does_any_more(keys, killed):
     async with killed(size=(200, 30)) as screen:
-        await screen.press(keys[0])
-        await screen.shows(f"({keys[1]})")
+        await screen.press(keys[0], shows=f"({keys[1]})")
         assert f"({keys[1]}) " in screen.text
         assert "program gone" in screen.text
-        await screen.press(keys[1])
-        await screen.shows(NOBODY)
+        await screen.press(keys[1], shows=NOBODY)
         assert screen.app.screen.scope == "table"
 
 
 async def test_where_a_menu_leaves_one_row_the_beginning_of_the_sentence_says_what_to_do(killed):
     async with killed() as screen:
-        await screen.press("r")
-        await screen.shows("Record: program gone")
+        await screen.press("r", shows="Record: program gone")
         await screen.press("r")
         await screen.shows("r r (Record): the robot program is gone: start it again, silo-tui follows")
 
 
 async def test_of_edits_that_wait_it_is_said_that_they_stay(killed):
     async with killed("e", "t", size=(200, 30)) as screen:
-        await screen.do("apply")
-        await screen.shows(f"Apply: the {NOBODY}")
+        await screen.do("apply", shows=f"Apply: the {NOBODY}")
         assert "the edits stay pending" in screen.text
         assert screen.session.table.pending_count[0] == 1
         await screen.do("undo")

@@ -76,12 +76,9 @@ class TestScreens:
         async with opened(fake.run(), size=(160, 50)) as screen:
             await screen.press("slash", *"derived", "enter")
             await screen.until(lambda: re.search("^=.*power ", screen.text, re.MULTILINE), "its row with a sign")
-            await screen.press("i")
-            await screen.shows("= 2 * imu/acceleration")
-            await screen.press("d")
-            await screen.shows("power is derived: divider, buffer and action")
-            await screen.press("m")
-            await screen.shows("power")
+            await screen.press("i", shows="= 2 * imu/acceleration")
+            await screen.press("d", shows="power is derived: divider, buffer and action")
+            await screen.press("m", shows="power")
             await screen.until(lambda: screen.app.screen.__class__.__name__ == "MonitorScreen")
 
 
@@ -150,10 +147,8 @@ def test_a_unit_that_follows_is_not_typed_again(table):
 
 async def test_what_was_wrong_goes_as_soon_as_something_else_is_typed(screen, monkeypatch, ran_s=12):
     """However long it takes until that is looked at; and what was looked at meanwhile says nothing of it."""
-    await screen.enter(":derive p")
-    await screen.shows("Derive a signal on robot")
-    await screen.type("n")
-    await screen.shows("no signal is named 'n'")
+    await screen.enter(":derive p", shows="Derive a signal on robot")
+    await screen.type("n", shows="no signal is named 'n'")
     form = screen.app.screen
     monkeypatch.setattr(form, "look_soon", lambda: None)
     await screen.type("orm(base/position)")
@@ -175,18 +170,15 @@ async def test_what_was_wrong_goes_as_soon_as_something_else_is_typed(screen, mo
 
 
 async def test_a_signal_is_derived_changed_and_forgotten_without_leaving_the_table(fake, screen, ran_s=12):
-    await screen.press("colon", *"derive", "enter")
-    await screen.shows("Derive a signal on robot")
-    await screen.press("enter")
-    await screen.shows("'name' is empty: it stands in tables")
+    await screen.press("colon", *"derive", "enter", shows="Derive a signal on robot")
+    await screen.press("enter", shows="'name' is empty: it stands in tables")
     await screen.app.screen._look_now()  # the first look: late, where Enter came while the form was made
     await screen.settled()
     assert "'name' is empty: it stands in tables" in screen.text
     await screen.type("power")
     await screen.press("tab", "backspace", "enter")  # without the signal under the cursor
     await screen.shows("'is' is empty: signals, numbers")
-    await screen.type("2 * imu/acelaration")
-    await screen.shows("^" * len("imu/acelaration"))  # of all that was typed
+    await screen.type("2 * imu/acelaration", shows="^" * len("imu/acelaration"))  # of all that was typed
     await screen.shows("did you mean 'imu/acceleration")
     lines = screen.text.splitlines()
     at = next(place for place, line in enumerate(lines) if "imu/acelaration" in line)
@@ -195,18 +187,14 @@ async def test_a_signal_is_derived_changed_and_forgotten_without_leaving_the_tab
     await screen.press("enter")
     assert screen.app.screen.is_modal
     await screen.press(*["backspace"] * len("acelaration"))
-    await screen.type("acceleration")
-    await screen.shows("3 numbers, in m/s2, every tick")
-    await screen.press("enter")
-    await screen.shows("'/power' is derived: 2 * imu/acceleration")
+    await screen.type("acceleration", shows="3 numbers, in m/s2, every tick")
+    await screen.press("enter", shows="'/power' is derived: 2 * imu/acceleration")
     assert fake.calls[-1] == ("derive", "power", "2 * imu/acceleration", "")
-    await screen.press("e")  # the cursor is on it
-    await screen.shows("Derived signal power on robot")
+    await screen.press("e", shows="Derived signal power on robot")  # the cursor is on it
     await screen.press("home", "delete", "3", "enter")
     await screen.until(lambda: fake.derived == (Derived("/log/power", "3 * imu/acceleration"),))
     await screen.shows("is derived: 3 *")
-    await screen.press("x")
-    await screen.shows("Delete /power of robot?")
+    await screen.press("x", shows="Delete /power of robot?")
     await screen.press("y")
     await screen.until(lambda: not fake.derived and len(screen.session.table) == len(fake.elements))
 
@@ -214,10 +202,8 @@ async def test_a_signal_is_derived_changed_and_forgotten_without_leaving_the_tab
 async def test_tab_makes_a_name_whole_and_then_goes_on_and_of_two_that_are_marked_the_product_is_offered(
     screen, ran_s=12
 ):
-    await screen.press("colon", *"derive", "enter")
-    await screen.shows("Derive a signal on robot")
-    await screen.press(*"hot", "tab", *"2 * imu/te")
-    await screen.shows("2 * imu/te[mperature] Tab")  # what it may become
+    await screen.press("colon", *"derive", "enter", shows="Derive a signal on robot")
+    await screen.press(*"hot", "tab", *"2 * imu/te", shows="2 * imu/te[mperature] Tab")  # what it may become
     form = screen.app.screen
     assert form.fields["is"] == "2 * imu/te"
     await screen.press("tab")
@@ -227,8 +213,7 @@ async def test_tab_makes_a_name_whole_and_then_goes_on_and_of_two_that_are_marke
     await screen.press("escape")
     await screen.enter("/LF/HAA position|torque")
     await screen.do("mark", "mark")
-    await screen.enter(":derive")
-    await screen.shows("legs/LF/HAA/position * legs/LF/HAA/torque")
+    await screen.enter(":derive", shows="legs/LF/HAA/position * legs/LF/HAA/torque")
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
@@ -238,13 +223,11 @@ async def test_a_signal_is_derived_from_the_one_under_the_cursor(size, fake, ope
 
     async with opened(fake.run(), size=size) as screen:
         await screen.enter(":goto LF/HAA/torque")
-        await screen.enter(":derive")
-        await screen.shows("Derive a signal on robot")
+        await screen.enter(":derive", shows="Derive a signal on robot")
         await screen.shows("legs/LF/HAA/torque")
         assert "legs/LF/HAA/torque" in offered(screen)
         await screen.shows("one number, in Nm, every tick; name it before Enter")
-        await screen.press("tab")
-        await screen.shows("norm() rate() diff()")
+        await screen.press("tab", shows="norm() rate() diff()")
         await screen.press("escape")
         await screen.enter(":goto base/position")
         await screen.do("component", "component")
@@ -255,8 +238,7 @@ async def test_a_signal_is_derived_from_the_one_under_the_cursor(size, fake, ope
 
 async def test_what_the_robot_refuses_is_said_and_nothing_typed_is_lost(fake, screen, ran_s=12):
     fake.refuse_derived = "at most 100 signals are derived; nothing was changed"
-    await screen.press("colon", *"derive hot imu/temperature > 3", "enter")
-    await screen.shows("at most 100 signals")
+    await screen.press("colon", *"derive hot imu/temperature > 3", "enter", shows="at most 100 signals")
     await screen.app.screen._look_now()  # as the form does once it is there
     await screen.settled()
     assert "at most 100 signals" in screen.text
@@ -277,8 +259,7 @@ async def test_what_is_typed_as_a_whole_is_done_and_what_is_not_is_asked_for(scr
     await screen.press("/")
     await screen.enter("warm")
     await screen.until(lambda: "the filter hides it" not in screen.text, "no word of another filter")
-    await screen.press("colon", *"derive cold", "enter")
-    await screen.shows("Derive a signal on robot")
+    await screen.press("colon", *"derive cold", "enter", shows="Derive a signal on robot")
 
 
 @pytest.mark.parametrize(

@@ -58,8 +58,7 @@ async def test_a_logger_that_comes_while_a_line_is_typed_opens_once_that_is_left
         await screen.until(lambda: len(looked) > 2, "the logger found twice")
         await screen.press("o", "n")
         assert screen.app.focused.value == "on"  # on the table they ordered it
-        await screen.press("escape")
-        await screen.shows("/base/position")
+        await screen.press("escape", shows="/base/position")
         assert screen.session.rows.sort == "name"
 
 
@@ -124,11 +123,9 @@ async def test_conditions_that_a_new_program_knows_nothing_of_are_named(how, pid
         await screen.settled()
         assert "what is gone: trigger slip" in screen.text
         assert "fall" not in screen.text
-        await screen.enter(":restore")
-        await screen.shows("set again: trigger slip")
+        await screen.enter(":restore", shows="set again: trigger slip")
         assert [one.options.name for one in fake.trigger_statuses] == ["fall", "slip"]
-        await screen.enter(":restore")
-        await screen.shows("nothing is gone")
+        await screen.enter(":restore", shows="nothing is gone")
 
 
 @pytest.mark.parametrize(("pid", "program"), [(5000, ""), (4711, "b2")])
@@ -145,10 +142,8 @@ async def test_conditions_that_went_with_the_program_are_named_at_the_next_start
     async with opened(fake) as screen:  # told once, and there to be looked up
         await screen.until(lambda: screen.session.lent.gone, "what is kept")
         assert ":restore" not in screen.text
-        await screen.do("triggers")
-        await screen.shows("Gone with the program before: trigger slip; :restore")
-        await screen.enter(":restore")
-        await screen.shows("set again: trigger slip")
+        await screen.do("triggers", shows="Gone with the program before: trigger slip; :restore")
+        await screen.enter(":restore", shows="set again: trigger slip")
         await screen.until(lambda: "Gone with" not in screen.text, "the triggers")
 
 
@@ -181,11 +176,9 @@ async def test_edits_that_went_with_the_program_are_told_and_restored_as_edits_t
 
 
 async def restored(screen):
-    await screen.enter(":restore")
-    await screen.shows("1 edit pending again: a applies")
+    await screen.enter(":restore", shows="1 edit pending again: a applies")
     assert [edit.options.divider for edit in screen.session.table.edits()] == [5]
-    await screen.enter(":restore")
-    await screen.shows("nothing is gone")
+    await screen.enter(":restore", shows="nothing is gone")
 
 
 @pytest.mark.parametrize("how", ["while one looks", "at the next start"])
@@ -238,10 +231,8 @@ async def test_what_can_not_be_set_again_is_told_and_stays_to_be_tried(fake, ope
         await screen.shows("what is gone: limits of /y")
         with monkeypatch.context() as refusing:
             refusing.setattr(fake, "_set_limits", refused_with("there is no y"))
-            await screen.enter(":restore")
-            await screen.shows("refused: limits of /y: there is no y")
-        await screen.enter(":restore")
-        await screen.shows("set again: limits of /y")
+            await screen.enter(":restore", shows="refused: limits of /y: there is no y")
+        await screen.enter(":restore", shows="set again: limits of /y")
         assert fake.calls[-1] == ("set_limits", SignalLimits("/log/y", bounds=(None, 0.0, 2.5, None), persistence=3))
 
 
@@ -257,8 +248,7 @@ async def test_applying_tells_that_a_single_trigger_that_fired_watches_again(fak
     fake.trigger_statuses = [TriggerStatus(options, TriggerWord.FIRED)]
     async with opened(fake.run()) as screen:
         await screen.until(lambda: screen.session.triggers, "what is judged")
-        await screen.press("d", "5", "enter", "a")
-        await screen.shows("Apply and go on")
+        await screen.press("d", "5", "enter", "a", shows="Apply and go on")
         await screen.shows("'fall', fired")
         await screen.press("escape")
 
@@ -266,13 +256,10 @@ async def test_applying_tells_that_a_single_trigger_that_fired_watches_again(fak
 async def test_data_is_saved_in_the_types_that_are_chosen_and_that_takes_the_place_of_what_was_to_be_done_before(
     fake, screen, ran_s=12, size=(100, 30)
 ):
-    await screen.press("w")
-    await screen.shows("Save data")
+    await screen.press("w", shows="Save data")
     await screen.shows("what was logged; W saves the configuration instead")
-    await screen.press("W")
-    await screen.shows("Save the configuration")
-    await screen.press("escape", "w", "down", "space")
-    await screen.shows("space s c b Tick  W Configuration")
+    await screen.press("W", shows="Save the configuration")
+    await screen.press("escape", "w", "down", "space", shows="space s c b Tick  W Configuration")
     focused = screen.app.screen.focused
     screen.app.screen.field("name").focus()  # where letters are of it
     await screen.until(lambda: "Tick  W" not in screen.text, "the keys that count there")
@@ -285,12 +272,9 @@ async def test_data_is_saved_in_the_types_that_are_chosen_and_that_takes_the_pla
     await screen.shows("/home/ann/logs/robot_00001.silo")
     await screen.shows("1.23 MB")
     await screen.shows("o Opens it")
-    await screen.press("escape", "S", "y")
-    await screen.shows("stopped; w saves the data")
-    await screen.press("w", "enter")
-    await screen.shows("Close")
-    await screen.press("enter")
-    await screen.shows("saved: ")
+    await screen.press("escape", "S", "y", shows="stopped; w saves the data")
+    await screen.press("w", "enter", shows="Close")
+    await screen.press("enter", shows="saved: ")
     assert "w saves the data" not in screen.text
 
 
@@ -302,10 +286,8 @@ async def test_o_opens_what_was_saved_once_it_is_and_nothing_before(fake, opened
 
     monkeypatch.setattr("silo_tui.screens.files.opened.open_saved", opening)
     async with opened(fake.run(12)) as screen:
-        await screen.press("w", "o")
-        await screen.shows("what was logged")
-        await screen.press("enter")
-        await screen.shows("saved: ")
+        await screen.press("w", "o", shows="what was logged")
+        await screen.press("enter", shows="saved: ")
         assert looked_into == []
         await screen.press("o")
         await screen.until(lambda: looked_into)
@@ -318,8 +300,7 @@ async def test_a_save_says_that_it_is_of_all_elements_though_some_are_marked_and
     await screen.shows("all elements, not the 2 marked alone; W saves the configuration instead")
     await screen.do("down", "down", "down")
     await screen.type("walk_part4")
-    await screen.press("enter")
-    await screen.shows("walk_part4.silo")
+    await screen.press("enter", shows="walk_part4.silo")
     await screen.shows("a part of a run: applying edits while it logs begins a new file;")
     await screen.shows("any one of them opens all")
 
@@ -338,16 +319,14 @@ async def test_a_failed_save_says_why_until_something_else_is_to_be_saved(fake, 
     fake.run()
     fake.save_error = "no space left on /home/ann/logs: 3 MB free, 40 MB needed"
     async with opened(fake, size=(100, 30)) as screen:
-        await screen.press("w", "enter")
-        await screen.shows("no space left")
+        await screen.press("w", "enter", shows="no space left")
         told = screen.app.screen.query_one("#form-told")
         looked = asyncio.Event()
         monkeypatch.setattr(screen.app.screen, "_look_now", after(screen.app.screen._look_now, looked))
         screen.app.screen.look_soon()
         await looked.wait()
         assert "no space left" in screen.text and told.has_class("failed")
-        await screen.press("down", "space")  # something else is to be saved
-        await screen.shows(".csv: ")
+        await screen.press("down", "space", shows=".csv: ")  # something else is to be saved
         assert not told.has_class("failed")
 
 
@@ -367,8 +346,7 @@ async def test_data_is_saved_by_a_name_that_is_typed_and_its_end_told_whose_dial
         await screen.enter(f":data {typed}")
         await screen.until(lambda: fake.calls)
         assert fake.calls == [("save", types, name)]
-        await screen.press("escape")
-        await screen.shows("its end will be told")
+        await screen.press("escape", shows="its end will be told")
         fake.end_save(types, name)
         await screen.shows(told)
 
@@ -376,10 +354,8 @@ async def test_data_is_saved_by_a_name_that_is_typed_and_its_end_told_whose_dial
 async def test_a_script_is_previewed_before_it_is_loaded_and_what_nobody_knows_of_it_told_both_times(fake, opened):
     fake.files["quiet.yaml"] += "colour: red\n"
     async with opened(fake, size=(100, 30)) as screen:
-        await screen.press("L")
-        await screen.shows("quiet.yaml")
-        await screen.press("k")
-        await screen.shows("40 → 4")
+        await screen.press("L", shows="quiet.yaml")
+        await screen.press("k", shows="40 → 4")
         await screen.shows(": /old/thing")
         await screen.shows("'colour'")
         await screen.press("enter")
@@ -393,19 +369,15 @@ async def test_a_script_is_previewed_before_it_is_loaded_and_what_nobody_knows_o
 
 
 async def test_a_script_is_there_as_it_is_saved_and_another_overwritten_only_when_asked(fake, screen, size=(100, 30)):
-    await screen.enter(":load abc")
-    await screen.shows("there is no script")
-    await screen.press("W")
-    await screen.shows("Save the configuration")
+    await screen.enter(":load abc", shows="there is no script")
+    await screen.press("W", shows="Save the configuration")
     for _ in range(12):
         await screen.press("backspace")
     await screen.enter("abc")
     await screen.until(lambda: "abc.yaml" in fake.files, "the script")
     await screen.shows("abc.yaml: configurations end in .yaml")
-    await screen.enter(":load abc")
-    await screen.shows("abc.yaml says what the logger has already")
-    await screen.enter(":save robot.yaml")
-    await screen.shows("Overwrite robot.yaml?")
+    await screen.enter(":load abc", shows="abc.yaml says what the logger has already")
+    await screen.enter(":save robot.yaml", shows="Overwrite robot.yaml?")
     await screen.press("y")
     await screen.until(lambda: ("save_script", "robot.yaml", True) in fake.calls)
 
@@ -415,13 +387,11 @@ async def test_the_set_command_edits_what_is_marked_and_an_unknown_one_offers_wh
     await screen.enter(":set div=4 size=10s buf=grow")
     assert [screen.value(FIRST, field) for field in (Field.DIVIDER, Field.SIZE)] == ["4", "1000"]
     assert screen.session.table.pending_count[1] == 2
-    await screen.enter(":set LF/HAA/torque */KFE/torque size=14")
-    await screen.shows("5 fields changed")
+    await screen.enter(":set LF/HAA/torque */KFE/torque size=14", shows="5 fields changed")
     assert screen.value("/log/legs/LF/HAA/torque", Field.SIZE) == "14"
     await screen.enter(":set imu/tmperature size=14")
     await screen.shows("no element is called 'imu/tmperature'; did you mean")
-    await screen.enter(":lod")
-    await screen.shows("did you")
+    await screen.enter(":lod", shows="did you")
 
 
 async def test_the_palette_finds_by_words_of_a_sentence_and_not_by_letters_that_are_in_any(screen, size=(100, 40)):
@@ -437,8 +407,7 @@ async def test_the_palette_finds_by_words_of_a_sentence_and_not_by_letters_that_
         for words in shown:
             await screen.shows(words)
         options = screen.app.screen.query_one("CommandList").option_count
-        await screen.type(" shores")
-        await screen.shows("No matches found")
+        await screen.type(" shores", shows="No matches found")
         await screen.press("escape", "escape")
     assert options == 1
 
@@ -451,10 +420,8 @@ async def test_the_palette_finds_what_the_help_has_a_line_for_and_tells_what_is_
             continue
         assert [hit async for hit in palette.search(line.right)], line
     await screen.press("ctrl+p")
-    await screen.type("so many are logged, of")
-    await screen.shows("elements on")
-    await screen.press("enter", "enter")
-    await screen.shows("elements on: so many are logged, of all")
+    await screen.type("so many are logged, of", shows="elements on")
+    await screen.press("enter", "enter", shows="elements on: so many are logged, of all")
 
 
 @pytest.mark.parametrize("word", ["browser", "serve", "web"])
@@ -467,18 +434,13 @@ async def test_how_all_is_shown_in_a_browser_is_told_by_its_word_and_by_the_menu
 
 async def test_the_palette_finds_a_spectrum_from_the_table_and_from_the_plots_and_leads_there(screen, size=(120, 40)):
     await screen.press("ctrl+p")
-    await screen.type("spectrum")
-    await screen.shows("(large plot, Tab v)")
-    await screen.press("enter")
-    await screen.shows("Enter makes it so")
+    await screen.type("spectrum", shows="(large plot, Tab v)")
+    await screen.press("enter", shows="Enter makes it so")
     await screen.press("ctrl+p")
-    await screen.type("spectrum")
-    await screen.shows("(large plot, Tab v)")
-    await screen.press("enter")
-    await screen.shows("once one plot is large")
+    await screen.type("spectrum", shows="(large plot, Tab v)")
+    await screen.press("enter", shows="once one plot is large")
     await screen.press("ctrl+p")
-    await screen.type("spectrum")
-    await screen.shows("over time, x-y, spectrum, histogram")
+    await screen.type("spectrum", shows="over time, x-y, spectrum, histogram")
     assert "large plot," not in screen.text
 
 
@@ -486,15 +448,11 @@ async def test_the_palette_finds_what_another_screen_has_and_what_can_only_be_ty
     screen, size=(100, 40)
 ):
     await screen.press("ctrl+p")
-    await screen.type("over the live plots")
-    await screen.shows("Overlay")
-    await screen.press("enter", "enter")
-    await screen.shows("Overlay (O): it is a key of recordings (F)")
+    await screen.type("over the live plots", shows="Overlay")
+    await screen.press("enter", "enter", shows="Overlay (O): it is a key of recordings (F)")
     await screen.press("escape", "ctrl+p")
-    await screen.type("put the cursor there")
-    await screen.shows(":goto NAME")
-    await screen.press("enter")
-    await screen.shows("Tab completes")
+    await screen.type("put the cursor there", shows=":goto NAME")
+    await screen.press("enter", shows="Tab completes")
     await screen.until(lambda: any(line.startswith(" :goto") for line in screen.text.splitlines()), "the colon")
     await screen.shows(f":goto NAME: {BY_WORD['goto'].typed.help}")
     await screen.enter("imu/temp")
@@ -517,8 +475,7 @@ async def test_a_dialog_leaves_the_table_to_be_seen_news_of_others_are_told_and_
     fake.publish(fake.kinds.EDITED, "3 elements edited", by="ann@here silo-tui 1")
     fake.publish(fake.kinds.SCRIPT_SAVED, "configuration saved", by="bob@lab silo-tui 9")
     await screen.shows("configuration saved (bob@lab silo-tui 9)")
-    await screen.press("e")
-    await screen.shows("Edit what of /base/orientation?")
+    await screen.press("e", shows="Edit what of /base/orientation?")
     lines = screen.text.splitlines()
     assert "/base/orientation" in lines[2]
     title = next(line for line in lines if "Edit what of" in line)
@@ -547,21 +504,16 @@ async def test_a_file_of_this_machine_is_opened_over_the_logger_by_a_word_of_the
 ):
     (tmp_path / "none.silo").write_text("not a log")
     async with opened(fake, size=(160, 50)) as screen:
-        await screen.enter(f":open {tmp_path}/none.silo")
-        await screen.shows("can't be opened")
+        await screen.enter(f":open {tmp_path}/none.silo", shows="can't be opened")
         assert isinstance(screen.app.screen, TableScreen)
         live = screen.session
         await screen.press("ctrl+p")
-        await screen.type("saved log of this machine")
-        await screen.shows(":open FILE")
-        await screen.press("enter")
-        await screen.shows("Tab completes")
+        await screen.type("saved log of this machine", shows=":open FILE")
+        await screen.press("enter", shows="Tab completes")
         await screen.type(f"{tmp_path}/wa")
-        await screen.press("tab", "enter")
-        await screen.until(lambda: screen.app.screen.scope == "file", "the file")
+        await screen.press("tab", "enter", at="file")
         await screen.until(lambda: "walk.silo" in screen.text.partition("\n")[0], "its name")
-        await screen.press("escape")
-        await screen.until(lambda: isinstance(screen.app.screen, TableScreen), "the table")
+        await screen.press("escape", at="table")
         assert screen.session is live
 
 
@@ -581,8 +533,7 @@ async def test_tab_goes_on_in_the_folder_that_it_took_and_enter_lists_that(fake,
         await screen.press("escape", ":")
         await screen.type(f"open {tmp_path}/")
         await screen.shows(f"Enter lists the logs in {tmp_path}/, Tab takes the one in grey")
-        await screen.press("enter")
-        await screen.until(lambda: screen.app.screen.scope == "runs", "the list")
+        await screen.press("enter", at="runs")
         await screen.shows("walk")
 
 
@@ -624,18 +575,14 @@ async def test_another_logger_is_opened_from_the_plots_or_the_table_after_a_ques
         await screen.press("m")
         plots = screen.app.screen
         assert plots.scope == "monitor"
-        await screen.press("ctrl+l")
-        await screen.shows("legs")
+        await screen.press("ctrl+l", shows="legs")
         await screen.press("escape")
         assert screen.app.screen is plots
-        await screen.press("escape", "t", "ctrl+l")
-        await screen.shows("legs")
-        await screen.press("down", "enter")
-        await screen.shows("Leave arm?")
+        await screen.press("escape", "t", "ctrl+l", shows="legs")
+        await screen.press("down", "enter", shows="Leave arm?")
         await screen.press("escape", "escape")
         assert (screen.session.name, screen.session.table.pending_count) == ("arm", (1, 1))
-        await screen.press("t", "m", "ctrl+l")
-        await screen.shows("legs")
+        await screen.press("t", "m", "ctrl+l", shows="legs")
         await screen.press("down", "enter")
         await screen.until(lambda: screen.app.context.has_session and screen.session.name == "legs")
         await screen.until(lambda: screen.session.connected)
@@ -661,8 +608,7 @@ async def test_a_long_difference_leaves_the_choices_on_a_small_screen(fake, open
         await screen.press("*", "d", "5", "enter")
         for size in ((80, 24), (160, 24), (160, 50)):
             await screen.pilot.resize_terminal(*size)
-            await screen.press("a")
-            await screen.shows("Keep them pending")
+            await screen.press("a", shows="Keep them pending")
             await screen.shows("Discard all edits")
             options, body = screen.app.screen.query_one(Choices), screen.app.screen.query_one(".dialog-body")
             await screen.press("pagedown")
@@ -683,8 +629,7 @@ async def test_on_a_small_screen_every_choice_is_there_and_what_was_said_last_is
         for choice in choices:
             assert choice in screen.text
         await screen.press("escape")
-    await screen.press("*", "d", "5", "enter", "d", "0", "enter")
-    await screen.shows("2147483647")
+    await screen.press("*", "d", "5", "enter", "d", "0", "enter", shows="2147483647")
 
 
 async def test_a_question_that_hears_of_its_size_before_its_choices_do_is_drawn_whole(fake, opened, monkeypatch):
@@ -765,18 +710,14 @@ async def test_what_shines_through_a_dialog_is_painted_anew_with_it(screen, monk
 async def test_tab_says_what_else_a_line_may_become(screen, size=(100, 40)):
     await screen.press("slash")
     await screen.type("/legs/LF/H")
-    await screen.press("tab")
-    await screen.shows("Tab again: /legs/LF/HFE")
+    await screen.press("tab", shows="Tab again: /legs/LF/HFE")
     assert screen.app.screen.query_one("#filter-line").value == "/legs/LF/HAA"
-    await screen.press("tab")
-    await screen.shows("Tab again: /legs/LF/HAA")
+    await screen.press("tab", shows="Tab again: /legs/LF/HAA")
     await screen.type("/nowhere")
-    await screen.press("tab")
-    await screen.shows("nothing completes it")
+    await screen.press("tab", shows="nothing completes it")
     await screen.press("escape", "colon")
     await screen.type("st")
-    await screen.press("tab")
-    await screen.shows("Tab again: stop")
+    await screen.press("tab", shows="Tab again: stop")
 
 
 async def test_the_choices_of_a_question_are_in_sight_however_long_its_title_and_what_it_tells_are(fake, opened):

@@ -60,8 +60,7 @@ async def test_a_file_name_typed_behind_w_at_once_goes_into_the_dialog_and_the_s
 
 async def test_a_slow_dialog_owns_the_keys_and_says_for_what_it_waits_until_esc_lets_it_go_on(fake, screen, slow):
     gate = slow("table")
-    await screen.press("r")
-    await screen.shows("waiting for robot")
+    await screen.press("r", shows="waiting for robot")
     await screen.shows("Esc Closes, the request goes on")
     await screen.press("escape")
     await screen.press("j")
@@ -73,8 +72,7 @@ async def test_a_slow_dialog_owns_the_keys_and_says_for_what_it_waits_until_esc_
     await screen.session.refresh_status()
     gate = slow("status")
     await screen.press("a")
-    await screen.type("td9t")
-    await screen.shows("waiting for robot")
+    await screen.type("td9t", shows="waiting for robot")
     assert screen.session.table.pending_count == (1, 1)
     gate.set()
     await screen.shows("Apply 1 edit to 1 element?")
@@ -84,20 +82,16 @@ async def test_a_slow_dialog_owns_the_keys_and_says_for_what_it_waits_until_esc_
 async def test_edits_of_hidden_marks_typed_or_by_a_key_are_made_only_after_a_question_that_counts_them(screen):
     await screen.enter("/torque", "asterisk", "escape")
     await screen.enter("/LF")
-    await screen.enter(":set dvi=5")
-    await screen.shows("dvi")
+    await screen.enter(":set dvi=5", shows="dvi")
     assert not screen.app.screen.is_modal
-    await screen.enter(":set div=5")
-    await screen.shows("9 of the 12 marked elements are hidden")
+    await screen.enter(":set div=5", shows="9 of the 12 marked elements are hidden")
     assert screen.session.table.pending_count == (0, 0)
     await screen.press("enter")
     assert screen.session.table.pending_count == (0, 0)
-    await screen.enter(":set div=5")
-    await screen.shows("9 of the 12 marked elements are hidden")
+    await screen.enter(":set div=5", shows="9 of the 12 marked elements are hidden")
     await screen.press("y")
     await screen.until(lambda: screen.session.table.pending_count == (12, 12))
-    await screen.press("u", "t")
-    await screen.shows("9 of the 12 marked elements are hidden")
+    await screen.press("u", "t", shows="9 of the 12 marked elements are hidden")
     assert screen.session.table.pending_count == (0, 0)
     await screen.press("s")
     await screen.until(lambda: screen.session.table.pending_count == (3, 3))
@@ -107,31 +101,24 @@ async def test_edits_of_hidden_marks_typed_or_by_a_key_are_made_only_after_a_que
 async def test_marks_that_the_filter_hides_are_plotted_only_after_a_question(screen):
     await screen.enter("/torque", "asterisk", "escape")
     await screen.enter("/temperature")
-    await screen.enter(":sort value")
-    await screen.shows("12 marked, 12 not shown")
-    await screen.press("m")
-    await screen.shows("12 of the 12 marked elements are hidden. Plot all 12?")
+    await screen.enter(":sort value", shows="12 marked, 12 not shown")
+    await screen.press("m", shows="12 of the 12 marked elements are hidden. Plot all 12?")
     here = screen.session.short_name(screen.session.table.names[screen.session.rows.row])
     await screen.shows(f"Only {here}, where the cursor is; the marks go")
-    await screen.press("c")
-    await screen.until(lambda: screen.app.screen.scope == "monitor", "plots")
+    await screen.press("c", at="monitor")
     assert [screen.session.short_name(each.element.name) for each in screen.app.screen.stack.plots] == [here]
-    await screen.press("escape")
-    await screen.until(lambda: screen.app.screen.scope == "table", "the table")
+    await screen.press("escape", at="table")
     assert screen.session.rows.marked_count == 0
 
 
 async def test_b_and_p_choose_from_a_list_and_e_asks_which_field_until_one_was_chosen(screen):
-    await screen.press("b")
-    await screen.shows("buffer of /base/orientation")
+    await screen.press("b", shows="buffer of /base/orientation")
     await screen.press("f")
     await screen.until(lambda: screen.value(FIRST, Field.BUFFER) == "fixed")
-    await screen.press("p")
-    await screen.shows("action of /base/orientation")
+    await screen.press("p", shows="action of /base/orientation")
     await screen.press("escape")
     assert screen.session.table.pending_count == (1, 1)
-    await screen.press("e")
-    await screen.shows("Edit what of /base/orientation?")
+    await screen.press("e", shows="Edit what of /base/orientation?")
     await screen.press("d")
     await screen.until(lambda: screen.app.screen.query("#cell-editor").first().display, "the editor")
     await screen.press("6", "enter")
@@ -150,43 +137,33 @@ async def test_the_memory_of_an_edit_stands_beside_what_there_is_of_it(fake, ope
     status = fake.status
     monkeypatch.setattr(fake, "status", lambda: msgspec.structs.replace(status(), room_bytes=50_000_000))
     async with opened(fake) as screen:
-        await screen.enter(":set size=5000", "a")
-        await screen.shows("of 50 MB available")
+        await screen.enter(":set size=5000", "a", shows="of 50 MB available")
         assert "!!" not in screen.text
         await screen.press("escape")
         await screen.until(lambda: screen.app.screen is screen.app.context.upper_screen)
-        await screen.enter(":set size=50M", "a")
-        await screen.shows("!! of 50 MB available")
+        await screen.enter(":set size=50M", "a", shows="!! of 50 MB available")
 
 
 async def test_a_script_that_differs_in_a_trigger_alone_is_shown_and_loaded(fake, opened):
     trigger = "triggers:\n  - name: fall\n    when: abs(base/roll) > 0.6\n    pre_s: 5\n"
     fake.files["walk.yaml"] = fake.files["robot.yaml"] + trigger
     async with opened(fake) as screen:
-        await screen.enter(":load walk.yaml")
-        await screen.shows("trigger fall")
+        await screen.enter(":load walk.yaml", shows="trigger fall")
         assert "new: abs(base/roll) > 0.6, pre 5 s" in screen.text
-        await screen.press("l")
-        await screen.shows("loaded walk.yaml: 0 elements changed; trigger fall")
+        await screen.press("l", shows="loaded walk.yaml: 0 elements changed; trigger fall")
         await screen.until(lambda: [one.options.name for one in screen.session.triggers] == ["fall"])
         fake.files["other.yaml"] = fake.files["walk.yaml"].replace("pre_s: 5", "pre_s: 2")
-        await screen.enter(":load other.yaml")
-        await screen.shows("pre 5 s → 2 s")
+        await screen.enter(":load other.yaml", shows="pre 5 s → 2 s")
 
 
 async def test_a_script_that_changes_nothing_says_so_and_that_pending_edits_stay(fake, screen):
-    await screen.press("L")
-    await screen.shows("It would change nothing")
-    await screen.press("enter")
-    await screen.shows("nothing to load")
+    await screen.press("L", shows="It would change nothing")
+    await screen.press("enter", shows="nothing to load")
     assert not fake.calls
-    await screen.press("d", "7", "enter")
-    await screen.shows("1 pending")
-    await screen.press("L")
-    await screen.shows("It would change nothing")
+    await screen.press("d", "7", "enter", shows="1 pending")
+    await screen.press("L", shows="It would change nothing")
     assert "Kept, whatever is loaded: 1 pending edit in 1 element" in screen.text
-    await screen.press("enter")
-    await screen.shows("kept: 1 pending edit in 1 element")
+    await screen.press("enter", shows="kept: 1 pending edit in 1 element")
     await screen.shows("(x takes back those of an element)")
 
 
@@ -216,8 +193,7 @@ async def test_a_second_terminal_without_edits_leaves_those_of_the_first_alone(f
 
 
 async def test_edits_that_were_dropped_at_the_end_are_not_offered_again(screen):
-    await screen.press("d", "7", "enter", "q")
-    await screen.shows("Quit without applying?")
+    await screen.press("d", "7", "enter", "q", shows="Quit without applying?")
     await screen.press("y")
     await screen.pilot.pause()
     assert not kept.path_of("anymal", "robot").exists()
@@ -235,31 +211,23 @@ async def test_what_a_branch_costs_is_seen_at_once_in_a_small_terminal_too(scree
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
 async def test_rows_stay_under_a_filter_by_the_setting_that_was_edited_until_it_is_applied(size, screen):
-    await screen.enter("/HAA/torque div=1")
-    await screen.shows("4 of 72")
-    await screen.do("mark_shown", "edit_divider", "5", "enter")
-    await screen.shows("divider: 4 changed")
+    await screen.enter("/HAA/torque div=1", shows="4 of 72")
+    await screen.do("mark_shown", "edit_divider", "5", "enter", shows="divider: 4 changed")
     assert "LF/HAA/torque" in screen.text and "not shown" not in screen.text
-    await screen.do("apply")
-    await screen.shows("Apply 4 edits to 4 elements?")
-    await screen.press("a")
-    await screen.shows("No element passes the filter 'HAA/torque div=1'")
+    await screen.do("apply", shows="Apply 4 edits to 4 elements?")
+    await screen.press("a", shows="No element passes the filter 'HAA/torque div=1'")
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
 async def test_the_question_that_applies_says_how_the_edits_of_one_element_are_dropped(size, screen):
     await screen.do("mark", "mark", "edit_divider", "5", "enter", "apply")
     await screen.shows(f"Keep them pending; to drop one: :unmark, then {key_of('discard')} on its line")
-    await screen.press("escape")
-    await screen.shows("Keep them pending: nothing")
+    await screen.press("escape", shows="Keep them pending: nothing")
     await screen.enter(":unmark")
-    await screen.do("up", "apply")
-    await screen.shows(f"Keep them pending; to drop one: {key_of('discard')} on its line")
+    await screen.do("up", "apply", shows=f"Keep them pending; to drop one: {key_of('discard')} on its line")
     await screen.press("escape")
-    await screen.do("discard")
-    await screen.shows("1 edit discarded")
-    await screen.do("apply")
-    await screen.shows("Apply 1 edit to 1 element?")
+    await screen.do("discard", shows="1 edit discarded")
+    await screen.do("apply", shows="Apply 1 edit to 1 element?")
     assert "drops one" not in screen.text
 
 

@@ -22,26 +22,21 @@ async def test_without_a_logger_the_bar_offers_nothing_that_needs_one(opened):
 async def test_a_menu_without_a_logger_says_of_what_is_about_one_that_there_is_none(opened):
     async with opened(ready=False) as screen:
         await screen.shows("No logger is running")
-        await screen.press("e")
-        await screen.shows("(l) Load")
+        await screen.press("e", shows="(l) Load")
         assert "what was there" not in screen.text
-        await screen.press("l")
-        await screen.shows("no line is here")
+        await screen.press("l", shows="no line is here")
         assert screen.app.screen.scope == "loggers"
 
 
 @pytest.mark.parametrize("size", [(80, 24), (200, 24)])
 async def test_a_table_whose_filter_lets_nothing_pass_offers_nothing_about_rows(size, screen, ran_s=12):
     await screen.shows("space Mark")
-    await screen.enter("/zzzz")
-    await screen.shows("0 of 72")
+    await screen.enter("/zzzz", shows="0 of 72")
     for each in ("mark_shown", "mark", "monitor", "fold"):
         assert f" {BY_ID[each].label}" not in bar(screen), each
     assert "Esc No filter" in bar(screen)
-    await screen.press("asterisk")
-    await screen.shows("no element is here")
-    await screen.press("e", "d")
-    await screen.shows("no element is here")
+    await screen.press("asterisk", shows="no element is here")
+    await screen.press("e", "d", shows="no element is here")
     assert not screen.app.screen.is_typing
 
 
@@ -49,8 +44,7 @@ async def test_what_is_marked_elsewhere_is_still_plotted_from_a_table_that_shows
     screen, ran_s=12, size=(200, 24)
 ):
     await screen.press("space")
-    await screen.enter("/zzzz")
-    await screen.shows("0 of 72")
+    await screen.enter("/zzzz", shows="0 of 72")
     assert "m Plot" in bar(screen)
     assert "Mark all" not in bar(screen)
 

@@ -258,8 +258,7 @@ async def test_the_name_of_a_vector_tells_which_entry_is_shown_alone(screen, ran
     await screen.do("component", "component")  # the norm, then its first entry
     screen.app.screen.show_set("statistics")
     await screen.shows("/base/position_x ")
-    await screen.do("component")
-    await screen.shows("/base/position_y ")
+    await screen.do("component", shows="/base/position_y ")
     assert "/base/position_x" not in screen.text
     await screen.do("component", "component")
     await screen.until(lambda: "/base/position " in screen.text and "/base/position_" not in screen.text)

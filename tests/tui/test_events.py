@@ -231,8 +231,7 @@ def running(fake):
 async def test_the_events_screen_shows_newest_first_and_follows_and_a_line_that_the_mouse_chose_stays_under_the_cursor(
     running, screen
 ):
-    await screen.do("events")
-    await screen.shows("3 events, follows")
+    await screen.do("events", shows="3 events, follows")
     lines = [each for each in screen.text.splitlines()[1:] if ":" in each]
     assert "E 3 elements changed" in lines[0]
     assert 'M "push 3"' in lines[1]
@@ -244,14 +243,12 @@ async def test_the_events_screen_shows_newest_first_and_follows_and_a_line_that_
     running.happen("lost", "13 rows lost", running.now_ns)
     await screen.shows("5 events, g follows")
     assert screen.app.screen.chosen.text == "push 3"
-    await screen.do("list_top")
-    await screen.shows("5 events, follows")
+    await screen.do("list_top", shows="5 events, follows")
 
 
 @pytest.mark.parametrize("lost", [1, 2, 5])
 async def test_lines_whose_news_got_lost_are_asked_for_with_the_next_one(running, monkeypatch, lost, screen):
-    await screen.do("events")
-    await screen.shows("3 events, follows")
+    await screen.do("events", shows="3 events, follows")
     with monkeypatch.context() as thin:
         thin.setattr(running, "publish", lambda *_, **__: None)
         for number in range(lost):
@@ -272,11 +269,8 @@ async def test_signals_and_files_have_one_name_in_events_and_messages(running, o
         await screen.shows("fall sees nothing: /legs/LF/HAA/torque is off")
         running.publish(running.kinds.CAPTURED, "capture 4 of 'fall': /home/ann/logs/robot_fall_4.silo")
         await screen.shows("capture 4 of 'fall': robot_fall_4.silo")
-        await screen.do("events")
-        await screen.shows("H /legs/LF/HAA/torque H 12 Nm")
-        await screen.shows("capture 3 of 'fall': robot_fall_3.silo")
-        await screen.press("/", *"/log/legs", "enter")
-        await screen.shows("1 of 5")
+        await screen.do("events", shows="H /legs/LF/HAA/torque H 12 Nm", shows="capture 3 of 'fall': robot_fall_3.silo")
+        await screen.press("/", *"/log/legs", "enter", shows="1 of 5")
 
 
 @pytest.mark.parametrize("words", ["1:20:3", "4 000", "4000"])
@@ -290,8 +284,7 @@ def test_a_filter_finds_a_moment_and_a_tick_as_they_are_read_and_typed(words):
 
 async def test_enter_goes_there_in_the_plots(running, screen):
     await screen.plot("m")
-    await screen.do("events", "j", "enter")
-    await screen.shows("at -1.998 s")
+    await screen.do("events", "j", "enter", shows="at -1.998 s")
     await screen.shows(': "push 3"')
     assert "PAUSED" in screen.text
     assert screen.app.screen.window.at_ns == running.happened[1].at_ns
@@ -301,15 +294,13 @@ async def test_what_happens_meanwhile_stands_above_the_event_under_the_cursor(ru
     running.happen("marker", "push 3", running.now_ns - SECOND)
     async with opened(running) as screen:
         await screen.plot("m")
-        await screen.do("events")
-        await screen.shows('M "push 3"')
+        await screen.do("events", shows='M "push 3"')
         running.happen("marker", "push 4", running.now_ns)
         await screen.shows('M "push 4"')
         await screen.shows("5 events, follows")
         lines = [each for each in screen.text.splitlines()[1:] if " M " in each]
         assert ("push 4" in lines[0], lines[1][0], "push 3" in lines[1]) == (True, ">", True)
-        await screen.press("enter")
-        await screen.shows(': "push 3"')
+        await screen.press("enter", shows=': "push 3"')
 
 
 async def test_a_line_of_several_goes_up_as_another_one_comes(running, opened):
@@ -319,8 +310,7 @@ async def test_a_line_of_several_goes_up_as_another_one_comes(running, opened):
     for before in range(20, 10, -1):
         over("ab"[before % 2], before)
     async with opened(running) as screen:
-        await screen.do("events", "j")
-        await screen.shows("5 events in ")
+        await screen.do("events", "j", shows="5 events in ")
 
         def shown():
             return [
@@ -337,8 +327,7 @@ async def test_a_line_of_several_goes_up_as_another_one_comes(running, opened):
 
 
 async def test_an_event_that_others_push_off_the_screen_leaves_the_cursor_to_the_newest(running, screen, size=(80, 24)):
-    await screen.do("events")
-    await screen.shows("3 events, follows")
+    await screen.do("events", shows="3 events, follows")
     for number in range(30):
         running.happen("marker", f"push {number}", running.now_ns)
     await screen.shows("33 events, follows")
@@ -362,13 +351,11 @@ async def test_without_plots_enter_opens_those_of_what_it_is_about_else_of_the_c
     async with opened(running) as screen:
         await screen.until(lambda: screen.session.triggers)
         await screen.enter(":goto /log/legs/LF/contact")
-        await screen.do("events", "enter")
-        await screen.shows(words.removeprefix("/log") if kind == "limit" else words)
+        await screen.do("events", "enter", shows=words.removeprefix("/log") if kind == "limit" else words)
         await screen.until(lambda: screen.app.screen.scope == "monitor", "plots")
         assert {each.element.name for each in screen.app.screen.stack.plots} == {plotted}
         await screen.until(lambda: screen.app.screen.window.at_ns is not None, "the moment")
-        await screen.press("escape")  # what one key entered
-        await screen.until(lambda: screen.app.screen.scope == "events", "the events below")
+        await screen.press("escape", at="events")  # what one key entered
 
 
 @pytest.mark.parametrize(("about", "plotted"), [("/log/imu/temperature", 1), ("/log/legs/LF/contact", 0), ("", 0)])
@@ -378,8 +365,7 @@ async def test_an_event_about_a_signal_is_never_shown_in_plots_of_others(running
         await screen.enter(":goto /log/legs/LF/contact")
         await screen.plot("m")
         below = screen.app.screen
-        await screen.do("events", "enter")
-        await screen.until(lambda: screen.app.screen.scope == "monitor", "plots")
+        await screen.do("events", "enter", at="monitor")
         await screen.until(lambda: screen.app.screen.window.at_ns is not None, "the moment")
         names = {each.element.name for each in screen.app.screen.stack.plots}
         assert (screen.app.screen is below, names) == (not plotted, {about or "/log/legs/LF/contact"})
@@ -416,11 +402,9 @@ async def test_limits_of_other_signals_hide_neither_plots_nor_marks(flickering, 
         assert "H" not in screen.text.splitlines()[-3]
         await screen.do("space", "previous_event")
         await screen.shows('event, 1 of 1: "push 3"')
-        await screen.do("events")
-        await screen.shows(" events in 7.9 s: ")
+        await screen.do("events", shows=" events in 7.9 s: ")
         await screen.shows("201 events in 3 lines (/ shows each)")
-        await screen.do("write_events")
-        await screen.shows("201 events as shown, to a CSV file")
+        await screen.do("write_events", shows="201 events as shown, to a CSV file")
         await screen.press("escape")
         await screen.enter("/limit")
         await screen.until(lambda: screen.text.count(" H 3 Nm at tick 1") > 10, "each of them")
@@ -429,24 +413,20 @@ async def test_limits_of_other_signals_hide_neither_plots_nor_marks(flickering, 
 async def test_plots_have_a_line_and_a_letter_where_something_happened_and_keys_go_there(running, screen):
     await screen.plot("m")
     await screen.until(lambda: "╎" in screen.text and "M" in screen.text.splitlines()[-3], "a line and its letter")
-    await screen.do("space", "find", "m", "enter")
-    await screen.shows("marker, 1 of 1")
+    await screen.do("space", "find", "m", "enter", shows="marker, 1 of 1")
     assert screen.app.screen.window.at_ns == running.happened[1].at_ns
     await screen.do("next_event")
     await screen.until(lambda: screen.app.screen.window.at_ns == running.happened[2].at_ns)
 
 
 async def test_where_nothing_is_marked_the_menu_says_so_of_unmark(running, screen):
-    await screen.do("mark", "events")
-    await screen.until(lambda: screen.app.screen.scope == "events")
+    await screen.do("mark", "events", at="events")
     assert screen.app.screen.why_not_now("unmark") == "none marked"
 
 
 async def test_a_read_only_session_sees_events_and_marks_nothing(running, screen, read_only=True):
-    await screen.do("set_marker")
-    await screen.shows("read-only")
-    await screen.do("events")
-    await screen.shows("3 events")
+    await screen.do("set_marker", shows="read-only")
+    await screen.do("events", shows="3 events")
 
 
 async def test_a_file_has_its_events_too(tmp_path, screen_of, new_finder):
@@ -460,15 +440,12 @@ async def test_a_file_has_its_events_too(tmp_path, screen_of, new_finder):
         await screen.shows("/log/x"[5:])
         await screen.plot("m")
         await screen.until(lambda: "╎" in screen.text)
-        await screen.do("events")
-        await screen.shows('M "push 3"')
-        await screen.shows("H /x H 0.9, limit 0.8")
+        await screen.do("events", shows='M "push 3"', shows="H /x H 0.9, limit 0.8")
         assert "what it was" in screen.text
         assert " who" not in screen.text  # nobody did it
         assert "│ 2 events" in screen.text
         assert "follows" not in screen.text  # nothing comes to a file
-        await screen.press("enter")
-        await screen.shows("at 2.5")
+        await screen.press("enter", shows="at 2.5")
         await screen.shows(': "push 3"')
 
 
@@ -525,8 +502,7 @@ async def test_of_an_episode_one_may_say_how_it_went_before_it_was_told_that_it_
 
 
 async def test_without_an_episode_it_is_said_that_there_is_none(running, screen):
-    await screen.press("f5")
-    await screen.shows("no episode was begun in this run")
+    await screen.press("f5", shows="no episode was begun in this run")
 
 
 @pytest.mark.parametrize(("at_s", "scope"), [(None, "events"), (0.0, "file_events")])
@@ -543,8 +519,7 @@ async def test_the_list_shows_which_moments_are_overwritten_and_enter_says_which
     await screen.do("set_marker")
     await screen.enter("new")
     await screen.until(lambda: [each for each in screen.session.happened if each.text == "new"], "the marker")
-    await screen.do("events")
-    await screen.shows("× no longer in memory")
+    await screen.do("events", shows="× no longer in memory")
     listed = screen.app.screen
     (old,) = [at for at, each in enumerate(listed.shown) if each.text == "old"]
     (new,) = [at for at, each in enumerate(listed.shown) if each.text == "new"]
@@ -553,8 +528,7 @@ async def test_the_list_shows_which_moments_are_overwritten_and_enter_says_which
     listed.move(old)
     await screen.shows("held no more")
     assert "Enter Go there" not in screen.text
-    await screen.do("go_to_event")
-    await screen.shows("no plot has it: its rows are held no more")
+    await screen.do("go_to_event", shows="no plot has it: its rows are held no more")
     assert screen.app.screen is listed
     listed.move(new)
     await screen.shows("Enter Go there")

@@ -208,10 +208,8 @@ async def test_statistics_of_a_file_are_columns(screen):
     await screen.shows("mean")
     line = next(line for line in screen.text.splitlines() if "spike" in line).split()
     assert "90.00" in line
-    await screen.do("columns")
-    await screen.shows("jitter")
-    await screen.do("columns")
-    await screen.shows("samples")
+    await screen.do("columns", shows="jitter")
+    await screen.do("columns", shows="samples")
 
 
 def test_values_that_a_bag_of_others_lacks_are_in_no_statistic():

@@ -17,7 +17,6 @@ from silo_tui.modal import run_alone
 from silo_tui.model.samples.recorded import RecordingSource
 from silo_tui.model.table.fields import Field
 from silo_tui.screens.files import file_table
-from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.sessions.recorded import FileSession
 from tests.stand_ins.saved import cut_in_two, recorded_in_two
 
@@ -133,8 +132,7 @@ async def test_a_wide_table_shows_values_and_the_inspector(path, on_file):
         await screen.shows("at 19.9975 s")
         await screen.shows("stand")
         await screen.shows("bob")
-        await screen.do("inspector", "G")
-        await screen.shows("divider   40")
+        await screen.do("inspector", "G", shows="divider   40")
 
 
 async def test_a_narrow_table_of_a_file_has_the_inspector_below(screen):
@@ -155,14 +153,10 @@ async def test_a_narrow_table_of_a_file_has_the_inspector_below(screen):
 
 
 async def test_goto_says_that_several_have_the_words_and_filter_and_marks_work_as_on_a_logger(screen):
-    await screen.enter(":goto at")
-    await screen.shows("the first of 3 that have 'at'; / at shows all")
-    await screen.enter(":goto operator")
-    await screen.shows(">/state/operator")
-    await screen.enter("/unit:Nm")
-    await screen.shows("1 of 5")
-    await screen.press("asterisk")
-    await screen.shows("1 marked")
+    await screen.enter(":goto at", shows="the first of 3 that have 'at'; / at shows all")
+    await screen.enter(":goto operator", shows=">/state/operator")
+    await screen.enter("/unit:Nm", shows="1 of 5")
+    await screen.press("asterisk", shows="1 marked")
 
 
 async def test_the_inspector_says_at_how_many_ticks_an_element_could_not_be_read(tmp_path, on_file):
@@ -170,8 +164,7 @@ async def test_the_inspector_says_at_how_many_ticks_an_element_could_not_be_read
     mode = replace(element("mode", np.arange(TICKS)), failures=Failures(3, ((5, 6), (9, 9))))
     write_silo(recording(elements=(mode,)), found)
     async with on_file(found, (160, 50)) as screen:
-        await screen.do("inspector")
-        await screen.shows("not read  at 3 ticks")
+        await screen.do("inspector", shows="not read  at 3 ticks")
 
 
 async def test_sorting_leaves_out_what_files_don_t_tell(screen):
@@ -192,8 +185,7 @@ async def test_sorting_leaves_out_what_files_don_t_tell(screen):
         "jitter",
         "changed",
     ]
-    await screen.press("o")
-    await screen.shows("the other way round")
+    await screen.press("o", shows="the other way round")
     assert "fill" not in screen.text  # how large a buffer was is not in a file
     await screen.press("u")
     await screen.until(lambda: screen.session.rows.sort == "unit")
@@ -222,8 +214,7 @@ async def test_the_cursor_reads_the_value_that_held_and_steps_from_sample_to_sam
     assert to(screen) == pytest.approx(0.01)
     await screen.do("next_sample", "previous_sample", "previous_sample")
     assert to(screen) == 0
-    await screen.do("previous_sample")
-    await screen.shows("first sample")
+    await screen.do("previous_sample", shows="first sample")
 
 
 async def test_the_moment_of_the_cursor_has_as_many_decimals_as_tell_samples_apart(screen):
@@ -242,8 +233,7 @@ async def test_before_its_curves_are_read_a_plot_has_its_times(path, on_file, mo
 
     monkeypatch.setattr(RecordingSource, "history", late)
     async with on_file(path) as screen:
-        await screen.enter("/torque", "m")
-        await screen.shows("= -")
+        await screen.enter("/torque", "m", shows="= -")
         await screen.shows("15 s")
         assert "20 s" in screen.text.splitlines()[-3]
         assert "-1790000000" not in screen.text
@@ -254,17 +244,14 @@ async def test_before_its_curves_are_read_a_plot_has_its_times(path, on_file, mo
 async def test_the_cursor_reads_texts(screen):
     await plot(screen, "operator")
     await screen.shows("bob")
-    await screen.press("home")
-    await screen.shows("ann")
+    await screen.press("home", shows="ann")
 
 
 async def test_before_its_first_sample_a_signal_has_no_value(screen):
     await plot(screen, "temperature")
     await screen.shows("= 36.5")
-    await screen.press("home")
-    await screen.shows("= -")
-    await screen.press("plus", "plus")
-    await screen.shows("begins at 10 s")
+    await screen.press("home", shows="= -")
+    await screen.press("plus", "plus", shows="begins at 10 s")
 
 
 async def test_home_and_end_jump_to_the_ends_of_the_file_facts_are_of_the_window_and_zero_shows_all(screen):
@@ -276,10 +263,8 @@ async def test_home_and_end_jump_to_the_ends_of_the_file_facts_are_of_the_window
     await screen.until(lambda: to(screen) == 19.9975 and monitor(screen).window.cursor is not None)
     await screen.until(lambda: "max 40" not in screen.text)
     await screen.shows("s shown")
-    await screen.do("all_held")
-    await screen.shows("whole file")
-    await screen.do("drop_plot")  # the last one
-    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
+    await screen.do("all_held", shows="whole file")
+    await screen.do("drop_plot", at="file")  # the last one
 
 
 async def test_zooming_keeps_the_cursor_on_its_moment(screen):
@@ -323,13 +308,10 @@ async def test_a_window_walks_over_the_whole_file_both_ways_and_its_cursor_takes
 
 async def test_the_detail_plot_counts_time_from_the_start(screen):
     await plot(screen, "torque")
-    await screen.press("enter")
-    await screen.until(lambda: screen.app.screen.scope == "file_detail")
+    await screen.press("enter", at="file_detail")
     await screen.shows("TIME")
-    await screen.press("plus", "home")
-    await screen.shows("0 … 10 s")
-    await screen.press("escape")
-    await screen.shows("10 s shown")  # the monitor has the window as it was left
+    await screen.press("plus", "home", shows="0 … 10 s")
+    await screen.press("escape", shows="10 s shown")  # the monitor has the window as it was left
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -337,8 +319,7 @@ async def test_nothing_that_changes_a_logger_is_offered(path, on_file, size):
     async with on_file(path, size) as screen:
         for word in ("Edit", "Apply", "Start", "Save", "On/Off", "Loggers"):
             assert word not in screen.text.splitlines()[-1]
-        await screen.press("question_mark")
-        await screen.shows("silo help of the table of a file")
+        await screen.press("question_mark", shows="silo help of the table of a file")
         for word in ("pending", "buffer size", "start or stop", "script"):
             assert word not in screen.text
 
@@ -356,8 +337,7 @@ async def test_keys_that_edit_a_logger_change_nothing_and_say_that_a_file_has_no
     for key in "detSu":
         screen.app.screen.say("")
         assert "nothing to edit" not in screen.text
-        await screen.press(key)
-        await screen.shows("a saved file: nothing to edit")
+        await screen.press(key, shows="a saved file: nothing to edit")
     await screen.press("t", "d", "5", "b", "p", "u", "a", "S", "w", "x")
     assert not screen.session.table.pending.any()
     np.testing.assert_array_equal(screen.session.table.values[Field.DIVIDER], before[Field.DIVIDER])
@@ -369,13 +349,11 @@ async def test_words_are_typed_over_a_file_and_its_plots(screen, tmp_path):
     await screen.until(lambda: names[rows.row] == "/log/state/operator", "the element")
     await screen.enter(":filter torque")
     await screen.until(lambda: len(rows.shown) == 1, "the filter")
-    await screen.enter(":start")
-    await screen.shows(":start: a saved file: nothing to edit")
+    await screen.enter(":start", shows=":start: a saved file: nothing to edit")
     await screen.press("m", ":")
     await screen.enter(f"picture {tmp_path}/x.svg")
     await screen.until((tmp_path / "x.svg").exists, "the picture")
-    await screen.enter(":help")
-    await screen.shows("help of")
+    await screen.enter(":help", shows="help of")
 
 
 async def test_a_damaged_file_says_what_is_missing(path, on_file):
@@ -404,8 +382,7 @@ async def test_an_element_without_samples_says_so(new_finder, screen_of):
     empty = recording(elements=(element("never", np.zeros(0)), element("torque", np.zeros(TICKS))))
     async with screen_of(SiloApp(new_finder(), file=FileSession(Log(empty, "log.silo")))) as screen:
         await screen.shows("/never")
-        await screen.press("m")
-        await screen.shows("no samples")
+        await screen.press("m", shows="no samples")
 
 
 async def test_the_end_of_a_long_run_fills_the_window(screen):
@@ -413,16 +390,14 @@ async def test_the_end_of_a_long_run_fills_the_window(screen):
     low = monitor(screen).stack.store.piece("/log/imu/temperature", monitor(screen).stack.store.end, 130).low
     assert np.isfinite(low).sum() > 60
     assert monitor(screen).window.span_s < 11
-    await screen.do("enter", "plus", "minus", "all_held", "escape", "all_held")
-    await screen.shows("whole file")
+    await screen.do("enter", "plus", "minus", "all_held", "escape", "all_held", shows="whole file")
 
 
 async def test_the_values_of_the_table_are_those_at_the_cursor(path, on_file):
     async with on_file(path, (160, 50)) as screen:
         await screen.press("G", "k", "m")
         await screen.curves()
-        await screen.press("home", "escape")
-        await screen.shows("at 0 s")
+        await screen.press("home", "escape", shows="at 0 s")
         await screen.shows("ann")
 
 
@@ -488,16 +463,13 @@ async def test_what_lies_between_two_cursors_is_written_alone(path, on_file, tmp
     monkeypatch.chdir(tmp_path)
     async with on_file(path, (120, 40)) as screen:
         await plot(screen, "torque")
-        await screen.do("export_plots")
-        await screen.shows("What is shown: .csv")
+        await screen.do("export_plots", shows="What is shown: .csv")
         await screen.press("escape")
         await screen.do("cursor_left", "cursor_b", "cursor_far_left")
         window = screen.app.screen.window
         begin_ns, end_ns = sorted((window.at_ns, window.other_ns))
-        await screen.do("export_plots")
-        await screen.shows("What lies between A and B: .csv")
-        await screen.press("enter")
-        await screen.shows("are in")
+        await screen.do("export_plots", shows="What lies between A and B: .csv")
+        await screen.press("enter", shows="are in")
         rows = [line.split(",")[0] for line in (tmp_path / "plots.csv").read_text().splitlines()[1:]]
         times = screen.session.source.time_ns
         assert list(map(int, rows)) == [at for at in times.tolist() if begin_ns <= at <= end_ns]

@@ -45,16 +45,14 @@ async def test_a_value_is_of_the_setting_that_it_was_begun_for_wherever_the_curs
     await screen.do("f2", "j", "j", "j", "change_setting", "ctrl+u")
     await screen.type("2")
     screen.app.screen.lines.move(0)
-    await screen.press("enter")
-    await screen.shows("rate: 2")
+    await screen.press("enter", shows="rate: 2")
     assert screen.app.context.settings == Settings(rate=2.0)
 
 
 async def test_a_key_is_of_the_command_that_it_was_asked_for_wherever_the_cursor_is(screen):
     await screen.press("f2", "/")
     await screen.type("key filter")
-    await screen.do("enter", "change_setting")
-    await screen.shows("Press the key of filter (Filter)")
+    await screen.do("enter", "change_setting", shows="Press the key of filter (Filter)")
     screen.app.screen_stack[-2].filter_by("key")
     screen.app.screen_stack[-2].lines.move(0)
     await screen.press("f")
@@ -64,19 +62,16 @@ async def test_a_key_is_of_the_command_that_it_was_asked_for_wherever_the_cursor
 async def test_a_row_that_is_found_by_a_component_is_told_while_one_types(new_fake, opened):
     joints = vector("/log/joints/torque", "Nm", ("LF_KFE", "RF_KFE"))
     async with opened(new_fake([joints, scalar("/log/legs/LF/torque", "Nm")])) as screen:
-        await screen.type("/LF torque")
-        await screen.shows("1 by a component: /joints/torque")
+        await screen.type("/LF torque", shows="1 by a component: /joints/torque")
         await screen.press("escape")
-        await screen.type("/legs")
-        await screen.shows("1 of 2")
+        await screen.type("/legs", shows="1 of 2")
         assert "by a component" not in screen.text
 
 
 async def test_what_the_first_letter_does_to_the_filter_before_is_told_until_it_is_typed(screen):
     await screen.press("f2")
     await filtered(screen, "mouse")
-    await screen.press("/")
-    await screen.shows("Type anew, → adds to it")
+    await screen.press("/", shows="Type anew, → adds to it")
     await screen.press("b")
     assert "Type anew" not in screen.text
     assert "Enter keeps the filter" in screen.text

@@ -74,21 +74,15 @@ async def test_samples_holes_and_the_highest_are_few_keys_away_and_exact_and_ste
 ):
     async with monitor("LF/torque") as (screen, shown):
         await screen.do("find")
-        await screen.enter("fast")
-        await screen.shows("no element is called 'fast'")
-        await screen.press("escape")
-        await screen.shows("whole file")
+        await screen.enter("fast", shows="no element is called 'fast'")
+        await screen.press("escape", shows="whole file")
         await screen.do("home", "next_sample", "next_sample", "previous_sample")
         await screen.until(lambda: shown.file.time_ns == START_NS + STEP_NS, "the second sample")
-        await screen.do("home", "next_event")
-        await screen.shows("1 s without sample")
+        await screen.do("home", "next_event", shows="1 s without sample")
         assert shown.file.time_ns == START_NS + 2999 * STEP_NS
-        await screen.do("find", "n", "enter")
-        await screen.shows("nan or inf: none in 11 s held")
-        await screen.do("find", "t", "enter")
-        await screen.shows("trigger fired: none in 11 s held")
-        await screen.do("find", "h", "enter")
-        await screen.shows("highest in /LF/torque, 1 of 1: 40")
+        await screen.do("find", "n", "enter", shows="nan or inf: none in 11 s held")
+        await screen.do("find", "t", "enter", shows="trigger fired: none in 11 s held")
+        await screen.do("find", "h", "enter", shows="highest in /LF/torque, 1 of 1: 40")
         assert shown.file.time_ns == START_NS + 2345 * STEP_NS
         assert shown.window.cursor is not None
         await screen.do("home", "next_sample")
@@ -111,16 +105,13 @@ async def test_samples_holes_and_the_highest_are_few_keys_away_and_exact_and_ste
 
 async def test_who_steps_on_from_the_highest_is_led_to_the_peaks(monitor):
     async with monitor("RF/torque") as (screen, shown):
-        await screen.do("find", "h", "enter")
-        await screen.shows("highest in /RF/torque, ")
+        await screen.do("find", "h", "enter", shows="highest in /RF/torque, ")
         for _ in range(20):
             await screen.do("next_found")
         await screen.shows("f peak finds each")
-        await screen.do("find", "p", "enter")
-        await screen.shows("peak of a swing, ")
+        await screen.do("find", "p", "enter", shows="peak of a swing, ")
         for at in (8, 7, 6, 5):
-            await screen.do("previous_found")
-            await screen.shows(f"{at} of 9: 1.0")
+            await screen.do("previous_found", shows=f"{at} of 9: 1.0")
         assert shown.file.time_ns == START_NS + 5 * 400 * STEP_NS
 
 
@@ -131,11 +122,9 @@ async def test_where_a_condition_of_any_signals_turns_true_is_found_by_a_form_th
         await screen.shows("LF/torque'")
         await screen.press("enter", *["left"] * 7, "u")
         await screen.shows("turned true 11 × in the 11 s that are held")  # ten waves, and the spike between two of them
-        await screen.press("enter")
-        await screen.shows("LF/torque > 0.5, 11 of 11: turns true at")
+        await screen.press("enter", shows="LF/torque > 0.5, 11 of 11: turns true at")
         await screen.shows("([ before)")  # of the last one nothing leads on
-        await screen.do("previous_found", "previous_found")
-        await screen.shows("9 of 11")
+        await screen.do("previous_found", "previous_found", shows="9 of 11")
         await screen.do("find")
         assert screen.app.screen.fields == {"find": "LF/torque > 0.5"}
 
@@ -203,13 +192,10 @@ async def test_before_the_oldest_moment_that_is_told_it_says_how_many_there_are_
         await screen.until(lambda: screen.app.screen.is_modal, "the form")
         shown.session.turns_true = newest_two
         await screen.type("LF/torque > 0.5")
-        await screen.press("enter")
-        await screen.shows("1500 of 1500")
-        await screen.do("previous_found")
-        await screen.shows("1499 of 1500")
+        await screen.press("enter", shows="1500 of 1500")
+        await screen.do("previous_found", shows="1499 of 1500")
         before = len(judged)
-        await screen.do("previous_found")
-        await screen.shows("1498 older ones are not told")
+        await screen.do("previous_found", shows="1498 older ones are not told")
         assert len(judged) == before
 
 
@@ -238,16 +224,14 @@ async def test_a_condition_that_is_judged_in_a_file_for_nobody_any_more_reads_no
 async def test_brackets_go_from_crossing_to_crossing_a_star_looks_in_all_plots_and_a_key_makes_one_of_them(monitor):
     async with monitor("LF/torque", "RF/torque") as (screen, shown):
         await screen.do("home", "find")
-        await screen.enter(">0.5")
-        await screen.shows("rises above 0.5 in /LF/torque, 1 of")
+        await screen.enter(">0.5", shows="rises above 0.5 in /LF/torque, 1 of")
         first = shown.file.time_ns
         assert first == START_NS + 34 * STEP_NS  # sin(pi / 6) lies between ticks 33 and 34
         await screen.do("next_found")
         await screen.until(lambda: shown.file.time_ns > first, "the next one")
         await screen.do("previous_found")
         await screen.until(lambda: shown.file.time_ns == first, "the one before")
-        await screen.do("home", "find")
-        await screen.shows("in all 2 signals that are plotted")
+        await screen.do("home", "find", shows="in all 2 signals that are plotted")
         await screen.enter("* highest")
         await screen.shows("of 11")  # ten times one, once forty
         await screen.until(lambda: " Join" in screen.text.splitlines()[-1])
@@ -262,8 +246,7 @@ async def test_what_a_plot_is_joined_with_stands_in_the_menu_and_after_it_the_ke
     async with monitor("LF/torque", "position") as (screen, shown):
         await screen.press(chosen)
         assert shown.value_now("join_plots") == f"with {other}"
-        await screen.do("join_plots")
-        await screen.shows(f"joined with {other}; I parts them again")
+        await screen.do("join_plots", shows=f"joined with {other}; I parts them again")
         assert shown.value_now("isolate_plot") == "parts again"
         await screen.do("isolate_plot")
         await screen.until(lambda: len(shown.stack.panels) == 2)
@@ -272,16 +255,11 @@ async def test_what_a_plot_is_joined_with_stands_in_the_menu_and_after_it_the_ke
 async def test_moments_of_several_signals_at_one_time_are_each_gone_to_and_two_cursors_tell_what_lies_between(monitor):
     async with monitor("LF/torque", "position", size=(120, 40)) as (screen, _):
         await screen.do("home", "find")
-        await screen.enter("*hole")
-        await screen.shows("hole in /LF/torque, 1 of 2")
-        await screen.do("next_found")
-        await screen.shows("hole in /position, 2 of 2")
-        await screen.do("next_found")
-        await screen.shows("that is the last of 2 in 11 s held")
-        await screen.do("previous_found")
-        await screen.shows("hole in /LF/torque, 1 of 2")
-        await screen.do("home", "cursor_b", *["shift+right"] * 3)
-        await screen.shows("slope/s")
+        await screen.enter("*hole", shows="hole in /LF/torque, 1 of 2")
+        await screen.do("next_found", shows="hole in /position, 2 of 2")
+        await screen.do("next_found", shows="that is the last of 2 in 11 s held")
+        await screen.do("previous_found", shows="hole in /LF/torque, 1 of 2")
+        await screen.do("home", "cursor_b", *["shift+right"] * 3, shows="slope/s")
         await screen.shows("B-A -")
         line = [line for line in screen.text.splitlines() if line.startswith(" b /position")][-1]
         assert float(line.split()[4]) == pytest.approx(1.0, abs=0.01)  # a second a second
@@ -294,8 +272,7 @@ async def test_a_boolean_goes_from_change_to_change_without_a_search_and_its_lan
         await screen.do("home", "next_found")
         await screen.until(lambda: shown.file.time_ns == START_NS + STEP_NS, "the first edge")
         await screen.shows("true at")
-        await screen.do("join_plots")
-        await screen.shows("lanes stay alone")
+        await screen.do("join_plots", shows="lanes stay alone")
 
 
 async def test_a_tick_that_came_late_is_a_hole_and_no_event():
@@ -326,8 +303,7 @@ async def test_the_menu_brackets_what_one_plot_alone_can_t_do(monitor):
         reader._menu = "menu_plots"
         assert [letter for letter in "jxia" if f"({letter}) " in reader.picture(shown, 78).plain] == list("jxia")
         assert all(map(shown.why_not_now, needing_two))
-        await screen.do("join_plots")
-        await screen.shows("no next plot to join with")
+        await screen.do("join_plots", shows="no next plot to join with")
     async with monitor("LF/torque", "RF/torque") as (screen, shown):
         assert not any(map(shown.why_not_now, needing_two))
         assert shown.why_not_now("isolate_plot") == "it is alone in its plot"
@@ -365,16 +341,9 @@ async def test_texts_hang_at_their_time(monitor):
 
 async def test_the_detail_plot_goes_from_time_to_histogram(monitor):
     async with monitor("RF/torque", "position", size=(160, 50)) as (screen, _):
-        await screen.press("enter")
-        await screen.shows("TIME")
-        await screen.press("tab")
-        await screen.shows("r = ")
-        await screen.press("tab")
-        await screen.shows("SPECTRUM linear")
-        await screen.shows("longest whole piece: 3000 of 4000")
-        await screen.do("level", "level")
-        await screen.shows("0 dB = 1 Nm")
-        await screen.do("next_found")
-        await screen.shows("peak 1: ")
-        await screen.press("tab")
-        await screen.shows("median")
+        await screen.press("enter", shows="TIME")
+        await screen.press("tab", shows="r = ")
+        await screen.press("tab", shows="SPECTRUM linear", shows="longest whole piece: 3000 of 4000")
+        await screen.do("level", "level", shows="0 dB = 1 Nm")
+        await screen.do("next_found", shows="peak 1: ")
+        await screen.press("tab", shows="median")

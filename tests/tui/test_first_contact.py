@@ -42,22 +42,19 @@ async def test_filters_corrections_and_keys_behind_them_are_taken_whole_where_th
 async def test_the_save_dialog_is_walked_through_left_and_ticked_by_letters_that_are_letters_in_the_name(
     fake, screen, size=(100, 30)
 ):
-    await screen.press("w")
-    await screen.shows("nothing was logged yet, so there is nothing to save; S starts")
+    await screen.press("w", shows="nothing was logged yet, so there is nothing to save; S starts")
     fake.run()
     await screen.until(lambda: screen.session.running)
     await screen.press("w")
     await screen.shows(f"{fake.status().held_samples:,}".replace(",", " ") + " samples, 10 s at most")
     await screen.shows("> [x] silo")
-    await screen.press("j")
-    await screen.shows("> [ ] csv")
+    await screen.press("j", shows="> [ ] csv")
     seen = []
     for key in ("j", "j", "down", "down", "down"):
         await screen.press(key)
         seen.append(screen.app.focused.id)
     assert seen == ["type-bag", "form-name", "save-go", "save-no", "type-silo"]
-    await screen.press("escape")
-    await screen.shows("nothing was saved")
+    await screen.press("escape", shows="nothing was saved")
     await screen.press("w", "c", "s", "up", "up", "up", *"bcs", "enter")
     await screen.until(lambda: fake.calls)
     assert fake.calls == [("save", [FileType.CSV], "bcs")]
@@ -66,12 +63,10 @@ async def test_the_save_dialog_is_walked_through_left_and_ticked_by_letters_that
 async def test_how_many_are_marked_is_said_at_once_and_stays_before_how_the_order_is_left(screen, ran_s=12):
     await screen.press(*"ov")
     await screen.enter("/LF torque")
-    await screen.press("*")
-    await screen.shows("marked all 3 that are shown")
+    await screen.press("*", shows="marked all 3 that are shown")
     screen.app.screen.info.say("")  # it stood long enough
     assert "3 marked │ /LF torque: 3 of 72 │ by value ↓" in screen.app.screen.info.words().plain
-    await screen.press("*")
-    await screen.shows("unmarked all 3 that are shown")
+    await screen.press("*", shows="unmarked all 3 that are shown")
     for unmark in ([*":unmark", "enter"], ["space"]):  # what was said is no longer so
         await screen.press("*")
         await screen.until(lambda: screen.session.rows.marked_count == 3)
@@ -83,36 +78,28 @@ async def test_the_save_dialog_says_the_name_that_a_part_of_a_run_that_was_cut_g
     fake.run(20)
     fake.part = 2
     async with opened(fake, size=(80, 24)) as screen:
-        await screen.press("w", "c")
-        await screen.shows("robot_…_part2.silo, robot_…_part2.csv: ")
+        await screen.press("w", "c", shows="robot_…_part2.silo, robot_…_part2.csv: ")
         await screen.shows("each part before it goes to")
         fake.part = 3
-        await screen.press("up", "up", "up", *"runa.silo")
-        await screen.shows("runa_part3.silo, runa_part3.csv: ")
+        await screen.press("up", "up", "up", *"runa.silo", shows="runa_part3.silo, runa_part3.csv: ")
         fake.part = 0
-        await screen.press("backspace")
-        await screen.shows("runa.sil.silo, runa.sil.csv: ")
+        await screen.press("backspace", shows="runa.sil.silo, runa.sil.csv: ")
         assert "each part" not in screen.text
 
 
 async def test_a_name_that_can_be_no_file_is_said_at_once_and_stays_to_be_mended(fake, opened):
     fake.run(20)
     async with opened(fake) as screen:
-        await screen.press("w", "up", "up", "up", "a", "/", "b")
-        await screen.shows("contains '/'")
-        await screen.press("enter")
-        await screen.shows("contains '/'")
+        await screen.press("w", "up", "up", "up", "a", "/", "b", shows="contains '/'")
+        await screen.press("enter", shows="contains '/'")
         assert not fake.calls
-        await screen.press("left", "backspace")
-        await screen.shows("ab.silo: ")
-        await screen.press("enter")
-        await screen.shows("o Opens it")
+        await screen.press("left", "backspace", shows="ab.silo: ")
+        await screen.press("enter", shows="o Opens it")
         assert fake.calls == [("save", [FileType.SILO], "ab")]
 
 
 async def test_set_knows_the_words_of_the_shell_and_a_key_that_steps_goes_on_from_what_is_marked(screen):
-    await screen.enter(":set divider=5 buffer=growing action=save size=10s off")
-    await screen.shows("5 fields changed")
+    await screen.enter(":set divider=5 buffer=growing action=save size=10s off", shows="5 fields changed")
     row = screen.session.table.row(FIRST)
     assert list(screen.session.table.values[:, row]) == [0, 5, 1, 2, 800]
     await screen.press("space", "space")  # the cursor is on the third row now, which isn't marked
@@ -128,8 +115,7 @@ async def test_without_many_colours_nothing_untyped_looks_as_if_it_were_typed(th
     if theme == "dark":
         monkeypatch.setenv("NO_COLOR", "1")
     async with opened(fake.run(), settings=Settings(theme=theme)) as screen:
-        await screen.do("save_data")
-        await screen.shows("(empty: date, time and run number)")
+        await screen.do("save_data", shows="(empty: date, time and run number)")
 
 
 @pytest.mark.parametrize("theme", ["NO_COLOR", "16", "dark", "light", "contrast"])
@@ -137,11 +123,9 @@ async def test_what_a_line_may_become_stands_in_brackets_with_the_key_that_takes
     if theme == "NO_COLOR":
         monkeypatch.setenv("NO_COLOR", "1")
     async with opened(fake.run(), settings=Settings(theme="dark" if theme == "NO_COLOR" else theme)) as screen:
-        await screen.type("/unit:N")
-        await screen.shows("unit:N[m] Tab")
+        await screen.type("/unit:N", shows="unit:N[m] Tab")
         assert "unit:Nm" not in screen.text
-        await screen.press("tab")
-        await screen.shows("unit:Nm")
+        await screen.press("tab", shows="unit:Nm")
         assert "] Tab" not in screen.text
 
 
@@ -191,8 +175,7 @@ async def test_without_a_link_no_dialog_opens(fake, screen, ran_s=12):
     for key in "SRwaLW":
         screen.app.screen.say("")
         assert "no link to robot;" not in screen.text
-        await screen.press(key)
-        await screen.shows("no link to robot; r tries now")
+        await screen.press(key, shows="no link to robot; r tries now")
         assert not screen.app.screen.is_modal
 
 
@@ -207,13 +190,11 @@ async def test_r_tries_the_link_now_and_the_head_says_since_when_and_what_it_was
         await screen.shows("~ NO LINK 3 h, was RUNNING")
         await screen.shows("r tries now")
         await screen.shows(" r Try now")
-        await screen.press("r")
-        await screen.shows("trying now")
+        await screen.press("r", shows="trying now")
         assert fake.calls.pop() == ("try_now",)
         fake.mend()
         await screen.until(lambda: screen.session.connected and "NO LINK" not in screen.text, "the link")
-        await screen.press("escape")
-        await screen.until(lambda: screen.app.screen.scope == "table", "the table")
+        await screen.press("escape", at="table")
 
 
 async def test_after_an_apply_fill_counts_against_the_buffers_of_the_recording(fake, opened):
@@ -222,22 +203,17 @@ async def test_after_an_apply_fill_counts_against_the_buffers_of_the_recording(f
     fake.saved = True
     async with opened(fake, size=(120, 24)) as screen:
         await screen.shows("100%")
-        await screen.do("edit_size", *"40k", "enter", "a", "enter")
-        await screen.shows("applied to 1 element")
+        await screen.do("edit_size", *"40k", "enter", "a", "enter", shows="applied to 1 element")
         await screen.shows("40000 100%")
-        await screen.press("S")
-        await screen.shows("40000   0%")
+        await screen.press("S", shows="40000   0%")
 
 
 async def test_edits_of_marked_rows_say_that_they_are_not_of_the_row_under_the_cursor(screen, size=(120, 24)):
-    await screen.do("mark", "mark", "next_buffer")
-    await screen.shows("buffer of 2 marked elements, not of velocity")
+    await screen.do("mark", "mark", "next_buffer", shows="buffer of 2 marked elements, not of velocity")
     await screen.press("escape")
     await screen.until(lambda: not screen.app.screen.is_modal)
-    await screen.do("edit_divider")
-    await screen.shows("divider of 2 marked elements, not of velocity")
-    await screen.press("7", "enter")
-    await screen.shows("divider: 2 changed")
+    await screen.do("edit_divider", shows="divider of 2 marked elements, not of velocity")
+    await screen.press("7", "enter", shows="divider: 2 changed")
 
 
 async def test_an_open_editor_says_what_to_type_which_keys_count_and_whole_what_is_wrong(screen):
@@ -245,8 +221,7 @@ async def test_an_open_editor_says_what_to_type_which_keys_count_and_whole_what_
     await screen.shows("size of 72 marked elements, now 4000, 100, e.g. 1000 10k 10s *2 /2 +10")
     await screen.shows("Enter sets it")
     assert "│ 72 marked" not in screen.text
-    await screen.press("escape")
-    await screen.shows("space Mark")
+    await screen.press("escape", shows="space Mark")
     await screen.shows("72 marked")
     await screen.do("edit_size", *"abc", "enter")
     await screen.shows("? size must be 1 to 2147483647, 10k, 10s, *2, /2 or +10, got abc")
@@ -341,7 +316,6 @@ async def test_a_long_answer_wraps_and_stays_among_all_that_was_said(screen, key
     await screen.until(lambda: "word29" not in screen.text)
     screen.app.command_messages()
     await screen.shows("robot  the gripper is blind")
-    await screen.press("j", "j")
-    await screen.shows("word29")
+    await screen.press("j", "j", shows="word29")
     await screen.press("escape")
     await screen.until(lambda: screen.app.screen.scope != "messages")

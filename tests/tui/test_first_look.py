@@ -70,8 +70,7 @@ async def test_the_line_below_tells_of_what_is_near_a_limit_in_words(fake, opene
     ]
     async with opened(fake.run()) as screen:
         await screen.do("view")
-        await screen.press("l")
-        await screen.shows("near a limit at ")  # values go on
+        await screen.press("l", shows="near a limit at ")  # values go on
         await screen.shows(f": {len(names)} of {len(fake.elements)}")
         assert "torque$" not in screen.text
         head = screen.text.splitlines()[1]
@@ -94,19 +93,16 @@ async def test_where_nothing_is_near_a_limit_the_table_stays_and_a_key_that_sets
     await screen.press(*"ov")
     await screen.until(lambda: rows.sort == "value")
     shown = rows.filter.text, rows.sort, screen.app.screen.table.column_set
-    await screen.press(*"vvl")
-    await screen.shows("no signal has limits: e a sets some")
+    await screen.press(*"vvl", shows="no signal has limits: e a sets some")
     assert (rows.filter.text, rows.sort, screen.app.screen.table.column_set) == shown
     name = next(one.name for one in fake.elements if one.name.endswith("/torque"))
     status = LimitStatus(name, name, LimitWord.OK, value=9.0, bounds=(None, None, None, 80.0))
     fake.limit_statuses = [status]
-    await screen.press(*"vvl")
-    await screen.shows("none of 1 signal with limits is within a tenth")
+    await screen.press(*"vvl", shows="none of 1 signal with limits is within a tenth")
     await screen.shows("lists them, e a sets more")
     assert (rows.filter.text, rows.sort, screen.app.screen.table.column_set) == shown
     fake.limit_statuses = [replace(status, value=79.0)]
-    await screen.press(*"vvl")
-    await screen.shows(": 1 of 72")
+    await screen.press(*"vvl", shows=": 1 of 72")
     assert "near a limit at " in screen.text
     assert (rows.sort, screen.app.screen.table.column_set) == ("limit", shown[2])
     await screen.press("escape")
@@ -114,16 +110,13 @@ async def test_where_nothing_is_near_a_limit_the_table_stays_and_a_key_that_sets
 
 
 async def test_the_menu_names_some_views_where_it_leads_to_them(screen, size=(80, 24)):
-    await screen.press("v")
-    await screen.shows("v  Hottest, stuck, …")
-    await screen.press("v")
-    await screen.shows("Look at what?")
+    await screen.press("v", shows="v  Hottest, stuck, …")
+    await screen.press("v", shows="Look at what?")
 
 
 @pytest.mark.parametrize("letter", ["h", "n", "s", "p"])
 async def test_a_view_that_is_there_without_being_kept(letter, screen, ran_s=12):
-    await screen.do("view")
-    await screen.shows("Look at what?")
+    await screen.do("view", shows="Look at what?")
     await screen.press(letter)
     preset = next(each for each in BY_NAME.values() if each.letter == letter)
     await screen.until(lambda: screen.session.rows.sort == preset.layout.sort)
@@ -142,22 +135,18 @@ async def test_what_is_logged_otherwise_than_the_program_began_with_is_told_and_
         await screen.press("e")
         await screen.until(lambda: len(screen.session.rows.shown) == 1, "what was edited")
         await screen.shows("view edited")
-        await screen.do("inspector")
-        await screen.shows("(began as 7)")
+        await screen.do("inspector", shows="(began as 7)")
 
 
 async def test_a_word_that_is_no_command_is_told_as_it_is_typed_with_the_key_of_what_is_called_so(screen):
-    await screen.press(":", *"hist")
-    await screen.shows("there is no command 'hist'; Histogram is p h")
+    await screen.press(":", *"hist", shows="there is no command 'hist'; Histogram is p h")
     await screen.press("backspace", "backspace", "backspace")
     await screen.until(lambda: "there is no command" not in screen.text, "a word that goes on")
 
 
 async def test_what_only_counts_is_no_noise(screen, ran_s=12):
-    await screen.do("view")
-    await screen.shows("Look at what?")
-    await screen.press("n")
-    await screen.shows("view noisiest")
+    await screen.do("view", shows="Look at what?")
+    await screen.press("n", shows="view noisiest")
     shown = {screen.session.table.elements[row].entries[0].dtype[1] for row in screen.session.rows.shown}
     assert shown == {"f"}
     assert screen.session.rows.filter.text == "type:f"
@@ -170,27 +159,21 @@ async def test_a_view_is_of_all_elements_and_the_bar_names_the_filter_that_esc_g
     torques = len(screen.session.rows.shown)
     for letter in "sh":  # of several, one after another, the filter of before the first
         await screen.do("view")
-        await screen.press(letter)
-        await screen.shows("Esc Back to torque")
+        await screen.press(letter, shows="Esc Back to torque")
     await screen.shows("view hottest")
     shown = {screen.session.table.elements[row].unit for row in screen.session.rows.shown}
     assert shown == {"degC"}
-    await screen.press("escape")
-    await screen.shows("Esc No filter")
+    await screen.press("escape", shows="Esc No filter")
     assert len(screen.session.rows.shown) == torques
 
 
 async def test_a_view_that_nothing_passes_says_where_esc_leads(screen, ran_s=12):
     await screen.enter("/torque")
     await screen.do("view")
-    await screen.press("e")
-    await screen.shows("No element passes the filter 'edited'")
-    await screen.shows("goes back to 'torque'.")
+    await screen.press("e", shows="No element passes the filter 'edited'", shows="goes back to 'torque'.")
     await screen.press("escape", "escape")
     await screen.do("view")
-    await screen.press("e")
-    await screen.shows("clears it.")
-    await screen.shows("Esc No filter")
+    await screen.press("e", shows="clears it.", shows="Esc No filter")
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
@@ -203,8 +186,7 @@ async def test_what_stands_still_from_the_first_sample_on_is_seen_below_what_cha
     fake.facts = {"std": still, "signs": dict.fromkeys((stopped, just_now), FROZEN), "changed": changed}
     fake.facts["change_seen"] = {dead: 0.0}
     async with opened(fake.run(), size=size) as screen:
-        await screen.do("view")
-        await screen.shows("Stuck: floats, frozen or no change seen (>); last change on top")
+        await screen.do("view", shows="Stuck: floats, frozen or no change seen (>); last change on top")
         await screen.press("s")
         await screen.until(lambda: screen.session.short_name(moves) not in screen.text, "what stands still alone")
         await screen.shows("↑changed")
@@ -232,8 +214,7 @@ async def test_what_stands_still_from_the_first_sample_on_is_seen_below_what_cha
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
 async def test_with_a_filter_the_bar_has_what_stops_the_logger(size, screen, ran_s=12):
-    await screen.enter("/torque")
-    await screen.shows("Esc No filter")
+    await screen.enter("/torque", shows="Esc No filter")
     assert "S Stop" in screen.text
 
 
@@ -249,8 +230,7 @@ async def test_esc_takes_all_of_a_view_back_and_what_was_chosen_since_by_itself(
     await screen.until(lambda: (rows.filter.text, rows.sort) == ("torque", "name"))
     assert table.column_set == "settings"
     await screen.do("view")
-    await screen.press("n")
-    await screen.shows("view noisiest")
+    await screen.press("n", shows="view noisiest")
     await screen.enter(":sort div")
     await screen.press("escape")
     await screen.until(lambda: (rows.filter.text, rows.sort) == ("", "div"))
@@ -258,23 +238,15 @@ async def test_esc_takes_all_of_a_view_back_and_what_was_chosen_since_by_itself(
 
 
 async def test_the_tour_goes_on_as_its_steps_are_done(screen, ran_s=12):
-    await screen.press("question_mark")
-    await screen.shows("t Tour")
-    await screen.press("t")
-    await screen.shows("tour 1 of 6 (:tour ends it): /, then type torque")
-    await screen.do("settings")  # which has no table
-    await screen.until(lambda: screen.app.screen.scope == "settings", "the settings")
+    await screen.press("question_mark", shows="t Tour")
+    await screen.press("t", shows="tour 1 of 6 (:tour ends it): /, then type torque")
+    await screen.do("settings", at="settings")  # which has no table
     await screen.press("escape")
-    await screen.press("slash", *"torque", "enter")
-    await screen.shows("tour 2 of 6")
-    await screen.do("mark", "mark")
-    await screen.shows("tour 3 of 6 (:tour ends it): m plots")
-    await screen.do("monitor")
-    await screen.shows("tour 4 of 6")
-    await screen.do("pause")
-    await screen.shows("tour 5 of 6 (:tour ends it): g h goes back")
-    await screen.do("go_home")
-    await screen.shows("tour 6 of 6 (:tour ends it): e d")
+    await screen.press("slash", *"torque", "enter", shows="tour 2 of 6")
+    await screen.do("mark", "mark", shows="tour 3 of 6 (:tour ends it): m plots")
+    await screen.do("monitor", shows="tour 4 of 6")
+    await screen.do("pause", shows="tour 5 of 6 (:tour ends it): g h goes back")
+    await screen.do("go_home", shows="tour 6 of 6 (:tour ends it): e d")
     await screen.do("edit_divider", "5", "enter")
     await screen.shows("that was the tour: ? shows all keys, u takes the edit back, g goes")
     await screen.shows("anywhere")
@@ -285,13 +257,11 @@ async def test_the_tour_goes_on_as_its_steps_are_done(screen, ran_s=12):
 async def test_the_tour_begins_at_the_table_and_is_left_as_everything_is(screen, ran_s=12):
     await screen.do("events")
     await screen.until(lambda: screen.app.screen.scope == "events", "a list that the first step knows nothing of")
-    await screen.enter(":tour")
-    await screen.shows("tour 1 of 6")
+    await screen.enter(":tour", shows="tour 1 of 6")
     assert screen.app.screen.scope == "table"
     await screen.press("slash", *"torque", "enter", "escape")  # leaves the filter first
     await screen.shows("tour 2 of 6")
-    await screen.press("escape")
-    await screen.shows("the tour ends; :tour begins it again")
+    await screen.press("escape", shows="the tour ends; :tour begins it again")
     await screen.until(lambda: "tour 2" not in screen.text)
 
 
@@ -378,8 +348,7 @@ async def test_the_noisiest_are_ordered_by_the_number_that_stands_beside_them(fa
     torques = [info.name for info in fake.infos if info.name.endswith("/torque")]
     fake.facts = {"noise": {name: 8.0 if name == torques[0] else 1.0 for name in torques}}
     async with opened(fake, size=(80, 24)) as screen:
-        await screen.do("view")
-        await screen.shows("Look at what?")
+        await screen.do("view", shows="Look at what?")
         await screen.press("n")
         row = screen.session.table.row(torques[0])
         await screen.until(lambda: screen.session.rows.shown[:1] == [row], "the noisiest")

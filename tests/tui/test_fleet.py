@@ -196,10 +196,8 @@ async def test_a_command_for_marked_loggers_that_a_filter_hides_is_for_no_other(
         fake.run()
     async with opened(*robots, ready=False, size=(80, 24)) as screen:
         await screen.shows("3 loggers: 3 running")
-        await screen.press("space", "slash", *"legs", "enter")
-        await screen.shows("/legs: 1 of 3")
-        await screen.press("S")
-        await screen.shows("the filter leaves out what is marked: Esc ends it; nothing was")
+        await screen.press("space", "slash", *"legs", "enter", shows="/legs: 1 of 3")
+        await screen.press("S", shows="the filter leaves out what is marked: Esc ends it; nothing was")
     assert all(fake.state is State.RUNNING for fake in robots)
 
 
@@ -212,14 +210,11 @@ async def test_marked_loggers_are_stopped_after_a_question_that_names_them_and_e
     arm.stop = lambda: (_ for _ in ()).throw(RefusedError("ann is a viewer here"))
     async with opened(*robots, ready=False, size=size) as screen:
         await screen.shows("3 loggers: 3 running")
-        await screen.press("space", "space")
-        await screen.shows("2 marked")
-        await screen.press("S")
-        await screen.shows("Stop 2 loggers?")
+        await screen.press("space", "space", shows="2 marked")
+        await screen.press("S", shows="Stop 2 loggers?")
         assert "arm   running 05:30, 118 024 ticks not saved" in screen.text
         assert "legs   running" not in screen.text
-        await screen.press("y")
-        await screen.shows("! ann is a viewer here")
+        await screen.press("y", shows="! ann is a viewer here")
         await screen.shows("stopped, 4 800 ticks, not saved")
         await screen.shows("stop: 1 did, 1 did not, 0 waiting")
         assert [len(fake.calls) for fake in robots] == [0, 1, 0]
@@ -232,12 +227,10 @@ async def test_marked_loggers_are_stopped_after_a_question_that_names_them_and_e
 async def test_a_question_that_is_left_asks_nobody_and_a_script_is_loaded_into_all_that_are_marked(robots, opened):
     async with opened(*robots, ready=False, size=(120, 30)) as screen:
         await screen.shows("3 loggers")
-        await screen.press("*", "w")
-        await screen.shows("Save 3 loggers?")
+        await screen.press("*", "w", shows="Save 3 loggers?")
         await screen.press("escape")
         assert not any(fake.calls for fake in robots)
-        await screen.do("load_into_loggers")
-        await screen.shows("Load a configuration into 3 loggers")
+        await screen.do("load_into_loggers", shows="Load a configuration into 3 loggers")
         await screen.enter("quiet")
         await screen.until(lambda: all(("load_script", "quiet.yaml") in fake.calls for fake in robots), "the loads")
         await screen.shows("load: 3 did, 0 did not, 0 waiting")
@@ -248,8 +241,7 @@ async def test_nothing_is_commanded_read_only(robots, opened):
     async with opened(*robots, ready=False, read_only=True) as screen:
         await screen.shows("3 loggers")
         assert "Start/Stop" not in screen.text
-        await screen.press("S")
-        await screen.shows("read-only")
+        await screen.press("S", shows="read-only")
         assert not any(fake.calls for fake in robots)
 
 
@@ -261,17 +253,13 @@ async def test_the_list_is_filtered_and_ordered_and_a_line_that_is_gone_is_not_o
         await screen.shows("○ SILENT")
         await screen.do("list_top")
         assert screen.app.screen.chosen.address == "legs"  # the worst first
-        await screen.press("enter")
-        await screen.shows("legs is not there any more")
-        await screen.press("o", "n")
-        await screen.shows("by logger")
+        await screen.press("enter", shows="legs is not there any more")
+        await screen.press("o", "n", shows="by logger")
         await screen.press("/")
-        await screen.enter("arm")
-        await screen.shows("/arm: 1 of 3")
+        await screen.enter("arm", shows="/arm: 1 of 3")
         assert "base" not in screen.text
         await screen.press("/")
-        await screen.enter("nothing")
-        await screen.shows("No line has 'nothing'. Esc clears the filter.")
+        await screen.enter("nothing", shows="No line has 'nothing'. Esc clears the filter.")
 
 
 @pytest.mark.slow
@@ -343,8 +331,7 @@ async def test_of_two_loggers_of_one_name_the_open_one_is_told_in_a_word_and_by_
             for fake, state in ((dead, State.DEAD), (mine, State.RUNNING))
         }
         await screen.shows("demo.19150  ● RUNNING")  # the one that lives opens by itself
-        await screen.do("loggers")
-        await screen.shows("1 dead, 1 running")
+        await screen.do("loggers", shows="1 dead, 1 running")
         other, here = sorted(lines(screen), key=lambda line: " open " in line)
         assert "demo.19149" in other and "DEAD" in other and " open " not in other
         assert "demo.19150" in here and "RUNNING" in here
@@ -358,10 +345,8 @@ async def test_a_logger_that_got_a_namesake_is_called_as_in_the_list(new_fake, o
     async with opened(mine) as screen:
         await screen.shows("anymal/demo  ● RUNNING")
         screen.app._finder.clients.append(other)
-        await screen.do("loggers")
-        await screen.shows("demo.19149")
-        await screen.press("escape")
-        await screen.shows("demo.19150  ● RUNNING")
+        await screen.do("loggers", shows="demo.19149")
+        await screen.press("escape", shows="demo.19150  ● RUNNING")
 
 
 async def test_nothing_is_offered_to_be_asked_of_a_dead_logger(new_fake, opened) -> None:
@@ -373,13 +358,11 @@ async def test_nothing_is_offered_to_be_asked_of_a_dead_logger(new_fake, opened)
             for fake, state in ((dead, State.DEAD), (mine, State.RUNNING))
         }
         await screen.shows("demo  ● RUNNING")
-        await screen.do("loggers")
-        await screen.shows("1 dead, 1 running")
+        await screen.do("loggers", shows="1 dead, 1 running")
         await screen.shows("S Start/Stop")  # of the one that is open
         screen.app.screen.move(screen.app.screen.shown_keys.index(dead.found.key))
         await screen.until(lambda: "Start/Stop" not in screen.text, "no key")
-        await screen.do("start_stop_loggers")
-        await screen.shows("lost is dead: start the program again")
+        await screen.do("start_stop_loggers", shows="lost is dead: start the program again")
 
 
 def test_the_open_one_is_told_beside_what_it_answered_too() -> None:

@@ -142,16 +142,14 @@ def test_every_column_of_the_tables_is_explained():
 
 async def test_the_foot_offers_no_enter_for_what_is_only_to_be_read(screen):
     await screen.press("question_mark", "slash")
-    await screen.enter("news of the robot, and")
-    await screen.shows("‣ 12:51:44 …")
+    await screen.enter("news of the robot, and", shows="‣ 12:51:44 …")
     await screen.shows("Enter has no use here")
 
 
 async def test_help_is_searched_and_does_what_was_found(screen):
     before = screen.value(screen.session.table.names[int(screen.session.rows.shown[0])], Field.ENABLED)
     await screen.press("question_mark", "slash")
-    await screen.enter("switch logging")
-    await screen.shows('hold "switch logging"')
+    await screen.enter("switch logging", shows='hold "switch logging"')
     await screen.shows("Enter On/Off  ↑↓ Choose")
     assert screen.app.screen.is_modal
     await screen.press("enter")
@@ -161,16 +159,13 @@ async def test_help_is_searched_and_does_what_was_found(screen):
 
 async def test_what_is_asked_for_by_a_command_from_help_is_answered(fake, screen, ran_s=12, size=(100, 30)):
     await screen.press("question_mark", "slash")
-    await screen.enter("mark the tick", "enter")
-    await screen.shows("Mark this moment")
+    await screen.enter("mark the tick", "enter", shows="Mark this moment")
     await screen.type("fell")
     await screen.press("enter")
     await screen.until(lambda: [call[:2] for call in fake.calls] == [("mark", "fell")])
     await screen.press("question_mark", "slash")
-    await screen.enter("the screen as a picture")
-    await screen.shows("Enter Picture  ↑↓ Choose")
-    await screen.press("enter")
-    await screen.shows("silo-tui.svg")
+    await screen.enter("the screen as a picture", shows="Enter Picture  ↑↓ Choose")
+    await screen.press("enter", shows="silo-tui.svg")
 
 
 async def test_the_arrows_choose_among_what_was_found(screen):
@@ -181,11 +176,9 @@ async def test_the_arrows_choose_among_what_was_found(screen):
 
 
 async def test_what_is_not_on_this_screen_is_found_on_the_others(screen):
-    await screen.press("question_mark")
-    await screen.shows("silo help of the table")
+    await screen.press("question_mark", shows="silo help of the table")
     await screen.press("slash")
-    await screen.type("hold the y scale")
-    await screen.shows("silo help of all screens  1 of")
+    await screen.type("hold the y scale", shows="silo help of all screens  1 of")
     await screen.press("enter", "enter")
     await screen.until(lambda: not screen.app.screen.is_modal)
     await screen.shows("it is a key of plots (m)")
@@ -213,5 +206,4 @@ async def test_letters_are_words_while_they_are_typed(screen):
 
 async def test_a_command_that_writes_is_refused_from_help_too(screen, read_only=True):
     await screen.press("question_mark", "slash")
-    await screen.enter("switch logging", "enter")
-    await screen.shows("read-only")
+    await screen.enter("switch logging", "enter", shows="read-only")

@@ -54,8 +54,7 @@ async def test_it_lives_on_a_click_puts_the_cursor_there_and_where_a_moment_is_f
     await screen.until(lambda: store().end * store().column_ns >= fake.now_ns, "what came since")
     await screen.pilot.click("PlotStack", offset=(40, 6))
     await screen.shows("at cursor")
-    await screen.press("f", "h")
-    await screen.shows("of 3: 40")
+    await screen.press("f", "h", shows="of 3: 40")
     at_ns = large(screen).window.at_ns
     assert (at_ns - START_NS) % (4 * 10**9) == 0
     assert large(screen).window.cursor is not None
@@ -76,8 +75,7 @@ async def test_until_the_first_values_are_there_plots_say_that_they_are_loading(
 
     monkeypatch.setattr(source, "history", history)
     for key in ("m", "enter"):
-        await screen.press(key)
-        await screen.shows("loading …")
+        await screen.press(key, shows="loading …")
     come.set()
     await screen.shows("│ live │")
     await screen.until(lambda: "loading" not in screen.text, "values")
@@ -87,13 +85,10 @@ async def test_it_begins_where_the_monitor_stands(new_fake, opened):
     fake = new_fake([scalar(TORQUE, "Nm", buffer=BufferType.GROWING)])
     async with opened(fake.run(61)) as screen:
         await screen.plot("m")
-        await screen.press("f", "h")
-        await screen.shows("of 16: 40")
+        await screen.press("f", "h", shows="of 16: 40")
         for count in range(15, 10, -1):
-            await screen.press("left_square_bracket")
-            await screen.shows(f"{count} of 16: 40")
-        await screen.press("enter")
-        await screen.shows("TIME")
+            await screen.press("left_square_bracket", shows=f"{count} of 16: 40")
+        await screen.press("enter", shows="TIME")
         await screen.until(lambda: large(screen).window.cursor is not None, "the cursor in its picture")
         assert large(screen).window.at_ns == START_NS + 40 * 10**9
         await screen.shows("… 40.00)")
@@ -103,8 +98,7 @@ async def test_a_pause_in_it_holds_all_plots_of_the_monitor(new_fake, opened):
     fake = new_fake([scalar(TORQUE, "Nm"), scalar("/log/legs/LF/HFE/torque", "Nm")])
     async with opened(fake.run(20)) as screen:
         await screen.plot("asterisk", "m")
-        await screen.press("enter", "space")
-        await screen.shows("held, all fetched")
+        await screen.press("enter", "space", shows="held, all fetched")
         assert set(large(screen).pause.source.names) == {TORQUE, "/log/legs/LF/HFE/torque"}
 
 
@@ -112,8 +106,7 @@ async def test_cursor_b_samples_home_end_and_all_work_in_it(new_fake, opened):
     fake = new_fake([scalar(TORQUE, "Nm", buffer=BufferType.GROWING)])
     async with opened(fake.run(30), size=(100, 30)) as screen:
         await open_large(screen)
-        await screen.press("space")
-        await screen.shows("30 s held, ")
+        await screen.press("space", shows="30 s held, ")
         await screen.press("left", "B", "comma", "comma")
         await screen.until(lambda: large(screen).window.other_ns is not None, "cursor B")
         await screen.shows("slope/s")
@@ -154,16 +147,12 @@ async def test_held_beyond_what_there_is_the_large_plot_shows_what_the_small_one
     for more in (0, 1, 1, 2):  # twice as long, four times, sixteen times
         await screen.press(*["-"] * more)
         await screen.until(lambda: dots(screen) > 10)
-        await screen.press("space")
-        await screen.shows("all fetched")
+        await screen.press("space", shows="all fetched")
         await screen.until(lambda: dots(screen) > 10)
-        await screen.press("enter")
-        await screen.until(lambda: screen.app.screen.scope == "detail")
+        await screen.press("enter", at="detail")
         await screen.until(lambda: dots(screen) > 10, "curves in the large plot")
-        await screen.press("escape")
-        await screen.until(lambda: screen.app.screen.scope == "monitor")
-        await screen.press("space")
-        await screen.shows("live")
+        await screen.press("escape", at="monitor")
+        await screen.press("space", shows="live")
 
 
 @pytest.mark.parametrize(
@@ -192,21 +181,17 @@ async def test_views_of_one_signal_of_a_vector_say_which_and_name_the_key_of_the
     elements = [vector("/log/a", "m/s^2", "xyz"), scalar("/log/w", "rad/s")]
     async with opened(new_fake(elements).run(20), size=(80, 24)) as screen:
         await screen.press("asterisk", "m")
-        await screen.press("enter", "tab", "tab")
-        await screen.shows("/a_x [m/s^2]  SPECTRUM")
+        await screen.press("enter", "tab", "tab", shows="/a_x [m/s^2]  SPECTRUM")
         await screen.shows("j Next of 4")
-        await screen.press("j")
-        await screen.shows("/a_y [m/s^2]  SPECTRUM")
-        await screen.press("j", "tab", "tab", "tab")
-        await screen.shows("x /a_z [m/s^2]  y /w [rad/s]  X-Y")
+        await screen.press("j", shows="/a_y [m/s^2]  SPECTRUM")
+        await screen.press("j", "tab", "tab", "tab", shows="x /a_z [m/s^2]  y /w [rad/s]  X-Y")
         await screen.press("tab", "tab", "tab")
         await screen.until(lambda: "Next of 4" not in screen.text)
 
 
 async def test_a_spectrum_of_a_short_time_says_that_more_seconds_make_it_finer(screen, ran_s=20):
     await open_large(screen)
-    await screen.press(*["plus"] * 4, "tab", "tab")
-    await screen.shows("Hz, finer of more seconds: Tab, -")
+    await screen.press(*["plus"] * 4, "tab", "tab", shows="Hz, finer of more seconds: Tab, -")
 
 
 TOLD = {
@@ -242,8 +227,7 @@ async def test_where_there_is_too_little_for_a_way_of_drawing_that_is_said(new_f
     async with opened(new_fake([scalar("/log/a", "rad"), scalar("/log/b", "rad/s")]).run(3), size=(120, 40)) as screen:
         await screen.press("asterisk", "m", "J", "enter", "tab")
         await screen.shows("1 held, 2 needed of both at the same time")
-        await screen.press("tab", "tab")
-        await screen.shows("7 held, none is a finite number")
+        await screen.press("tab", "tab", shows="7 held, none is a finite number")
 
 
 async def test_in_an_x_y_plot_signals_are_told_by_their_axis_and_no_letter_says_another_thing(new_fake, opened):
@@ -252,8 +236,7 @@ async def test_in_an_x_y_plot_signals_are_told_by_their_axis_and_no_letter_says_
         await screen.press("asterisk", "m")
         await screen.curves()
         await screen.press("j")  # that of the cursor is x
-        await screen.press("enter", "tab")
-        await screen.shows("x  /velocity")
+        await screen.press("enter", "tab", shows="x  /velocity")
         await screen.shows("x /velocity [rad]  y /position [rad]  X-Y")
         assert "y  /position" in screen.text
 
@@ -272,17 +255,14 @@ async def test_in_a_spectrum_find_goes_by_height_the_cursor_reads_peaks_and_zoom
     await open_large(screen)
     await screen.press("tab", "tab")
     await screen.until(lambda: large(screen)._found.peaks)
-    await screen.press("f")
-    await screen.shows("Find in the spectrum")
-    await screen.press("h")
-    await screen.shows("peak 1: ")
+    await screen.press("f", shows="Find in the spectrum")
+    await screen.press("h", shows="peak 1: ")
     assert not large(screen).window.paused or large(screen).mode == "spectrum"
     assert "highest" not in screen.text.splitlines()[-2]
     told = re.search(r"peak 1: (\S+ Hz, \S+)", screen.text)[1]
     await screen.press("right")
     await screen.until(lambda: f"A {told}" not in screen.text.splitlines()[-2])
-    await screen.press("left")
-    await screen.shows(f"A {told}")
+    await screen.press("left", shows=f"A {told}")
     assert screen.text.count(f"A {told}") == 1, "it is told in one place"
     await screen.press("escape")
     await screen.until(lambda: " A " not in screen.text, "no cursor")
@@ -298,10 +278,8 @@ async def test_in_a_spectrum_find_goes_by_height_the_cursor_reads_peaks_and_zoom
         assert large(screen)._found.peaks[0] == peak
     assert large(screen)._found.spectrum.step_hz == step_hz
     assert large(screen).window.span_s == span_s
-    await screen.press("right")
-    await screen.shows(f"A {peak.frequency_hz:.1f} Hz")
-    await screen.press("plus")
-    await screen.shows("Hz apart: a longer time has finer ones")
+    await screen.press("right", shows=f"A {peak.frequency_hz:.1f} Hz")
+    await screen.press("plus", shows="Hz apart: a longer time has finer ones")
     await screen.press("minus")
     await screen.until(lambda: large(screen)._found.top_hz == whole_hz / 2**6)
     await screen.shows(f"A {peak.frequency_hz:.1f} Hz")  # the cursor stays on its frequency
@@ -311,8 +289,7 @@ async def test_in_a_spectrum_find_goes_by_height_the_cursor_reads_peaks_and_zoom
     await screen.until(lambda: large(screen)._found.top_hz == whole_hz / 2**6, "the frequencies as before")
     await screen.do("all_held")
     await screen.until(lambda: large(screen)._found.top_hz == whole_hz)
-    await screen.press("minus")
-    await screen.shows("that is the whole spectrum")
+    await screen.press("minus", shows="that is the whole spectrum")
     await screen.pilot.click("DetailPlot", offset=(AXIS + 1 + 20, 3))
     await screen.until(lambda: large(screen).plot.cursor == 20)
 
@@ -342,8 +319,7 @@ async def test_what_is_computed_goes_on_with_the_robot_until_it_is_held(fake, op
         monkeypatch.setattr(large(screen), "live_changed", lambda frame: (frames.append(frame), take(frame)))
         for count in range(2, 6):
             await screen.until(lambda: fake.advance(0.1) or len(drawn) >= count)  # noqa: B023
-        await screen.press("space")
-        await screen.shows("all fetched")
+        await screen.press("space", shows="all fetched")
         large(screen)._due_s = 0.0
         take(frames[-1])
         assert large(screen)._due_s == 0.0  # nothing was begun for it
@@ -352,13 +328,11 @@ async def test_what_is_computed_goes_on_with_the_robot_until_it_is_held(fake, op
 async def test_a_cursor_is_offered_only_where_one_is_and_the_key_that_led_here_says_that_this_is_it(screen, ran_s=20):
     await open_large(screen)
     await screen.shows("←→ Cursor")
-    await screen.press("enter")
-    await screen.shows("this is the large plot already: Esc leaves it")
+    await screen.press("enter", shows="this is the large plot already: Esc leaves it")
     for keys in (["tab"], ["tab", "tab"]):  # one over the other, a histogram
         await screen.press(*keys)
         await screen.until(lambda: "←→" not in screen.text.splitlines()[-1])
-        await screen.press("left")
-        await screen.shows("the cursor is over time and in spectra: Tab leads there")
+        await screen.press("left", shows="the cursor is over time and in spectra: Tab leads there")
 
 
 async def test_a_view_that_was_chosen_in_a_large_plot_is_left_by_one_esc_and_the_plot_by_the_next(screen, ran_s=20):
@@ -416,8 +390,7 @@ async def test_a_signal_that_is_added_in_it_is_plotted_in_the_monitor_and_comes_
         await screen.shows("added /legs/LF/HAA/position: j shows it, Esc leads to the plots")
         assert large(screen).subject == "/legs/LF/HAA/torque"
         assert [each.name for each in below.stack.plots] == [TORQUE, position]
-        await screen.enter(":plot LF/HAA/position")
-        await screen.shows("that is plotted already")
+        await screen.enter(":plot LF/HAA/position", shows="that is plotted already")
         await screen.press("j")
         await screen.until(lambda: large(screen).subject == "/legs/LF/HAA/position", "the other one")
         await screen.press("k")
@@ -435,8 +408,6 @@ async def test_what_is_held_gets_no_other_plots_which_is_told_before_anything_is
     await open_large(screen)
     if not is_large:
         await screen.press("escape")
-    await screen.press("space")
-    await screen.shows("held, all fetched")
-    await screen.press("m")
-    await screen.shows("paused: space goes on, then m adds")
+    await screen.press("space", shows="held, all fetched")
+    await screen.press("m", shows="paused: space goes on, then m adds")
     assert not screen.app.screen.is_modal

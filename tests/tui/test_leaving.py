@@ -285,8 +285,7 @@ async def test_who_quits_without_applying_sees_what_it_is_about_and_is_told_what
     left = SavedFile("/l/a.silo", FileType.SILO, 1)
     for files, words in (([left], "its data is in /l/a.silo."), ([], "would be lost. The robot program is")):
         screen.session.left_files = files
-        await screen.press("q")
-        await screen.shows(words)
+        await screen.press("q", shows=words)
         await screen.press("escape")
 
 
@@ -320,8 +319,7 @@ async def test_work_that_is_overtaken_before_it_began_leaves_no_warning(screen):
 
 @pytest.mark.parametrize(("keys", "asked", "closes"), [("S", "Stop logging?", True), ("tq", "Quit without", False)])
 async def test_a_question_to_a_robot_that_died_closes_and_says_so(keys, asked, closes, fake, screen, ran_s=12):
-    await screen.press(*keys)
-    await screen.shows(asked)
+    await screen.press(*keys, shows=asked)
     fake.state, fake.reason = State.DEAD, "it was killed by SIGSEGV"
     fake.publish(EventKind.CRASHED, fake.reason)
     await screen.shows("robot died: it was killed by SIGSEGV")

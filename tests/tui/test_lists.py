@@ -75,8 +75,7 @@ def test_marks_and_range_of_lines_that_are_gone_are_forgotten():
 async def test_the_large_plot_steps_through_its_signals(screen, ran_s=20):
     await screen.enter("/LF torque", "*", "m")
     await screen.curves()
-    await screen.press("g", "enter")
-    await screen.until(lambda: screen.app.screen.scope == "detail", "the large plot")
+    await screen.press("g", "enter", at="detail")
     first = lambda: screen.app.screen.plots[0].name.split("/")[-2]  # noqa: E731
     assert first() == "HAA"
     for key, joint in (("j", "HFE"), ("j", "KFE"), ("j", "HAA"), ("k", "KFE"), ("g", "HAA"), ("G", "KFE")):
@@ -95,11 +94,9 @@ async def test_the_list_of_loggers_moves_looks_again_and_takes_commands(new_fake
             await screen.press(key)
             assert lines.highlighted == at, key
         await screen.press("r", ":")
-        await screen.enter("nonsense")
-        await screen.shows("there is no command 'nonsense'")
+        await screen.enter("nonsense", shows="there is no command 'nonsense'")
         await screen.press(":")
-        await screen.enter("settings")
-        await screen.until(lambda: screen.app.screen.scope == "settings", "what was typed")
+        await screen.enter("settings", at="settings")
 
 
 class TestWhatAKeyIsAbout:
@@ -231,8 +228,7 @@ async def test_a_list_is_filtered_and_ordered_and_keys_are_about_nothing_that_is
     async with opened(listed) as screen:
         await at_list(screen, case)
         typed, left = case.filtered
-        await screen.do("list_filter")
-        await screen.shows("Esc clears it")
+        await screen.do("list_filter", shows="Esc clears it")
         await screen.enter(typed)
         assert "Esc clears it" not in screen.text
         assert standing(screen, case) == left

@@ -105,8 +105,7 @@ async def test_keys_typed_before_a_list_is_there_move_in_it_and_not_below(screen
         await screen.until(lambda kind=kind: type(screen.app.screen) is kind and screen.app.gate.free, "the list")
         await screen.until(lambda: screen.app.screen.lines.highlighted == 2, f"the third line of {kind}")
         assert screen.session.rows.position == 0, kind
-        await screen.do("go_home")
-        await screen.until(lambda: screen.app.screen.scope == "table", "the table")
+        await screen.do("go_home", at="table")
 
 
 async def test_lines_stand_as_they_were_seen_whatever_becomes_of_them(fake, opened, monkeypatch):
@@ -142,8 +141,7 @@ async def test_lines_stand_as_they_were_seen_whatever_becomes_of_them(fake, open
 
 
 async def test_the_key_that_orders_loggers_anew_is_named(screen):
-    await screen.do("loggers")
-    await screen.until(lambda: screen.app.screen.scope == "loggers", "the list")
+    await screen.do("loggers", at="loggers")
     screen.app.screen._stands_otherwise = True
     screen.app.screen.show_words()
     await screen.shows("^l orders anew")

@@ -26,8 +26,7 @@ async def test_signs_stand_in_their_column_with_statistics_beside(fake, opened):
     fake.run()
     fake.facts = {"signs": {"/log/base/position": NOT_FINITE}, "most": {"/log/base/position": 86.25}}
     async with opened(fake) as screen:
-        await screen.press("C")
-        await screen.shows("86.25")
+        await screen.press("C", shows="86.25")
         line = next(line for line in screen.text.splitlines() if "/base/position" in line)
         assert " nan " in line
         assert "columns: statistics of every sample" in screen.text
@@ -38,8 +37,7 @@ async def test_each_press_brings_other_columns(width, fake, opened):
     async with opened(fake, size=(width, 30)) as screen:
         heads = [screen.text.splitlines()[1]]
         for _ in range(3):
-            await screen.press("C")
-            await screen.shows("columns: ")
+            await screen.press("C", shows="columns: ")
             heads.append(screen.text.splitlines()[1])
         assert all(one != other for one, other in itertools.pairwise(heads)), heads
         assert len({re.sub(r"mean \d*s? *", "", head) for head in heads}) == 3
@@ -60,16 +58,14 @@ async def test_a_slow_element_of_a_loop_at_its_rate_has_its_sign(fake, opened):
     fake.facts = {"signs": {"/log/base/position": SLOW}}
     async with opened(fake) as screen:
         await screen.until(lambda: any(" slow" in line for line in lines_with(screen, "/base/position")), "its sign")
-        await screen.press("j")
-        await screen.shows("slow: fewer samples")
+        await screen.press("j", shows="slow: fewer samples")
 
 
 async def test_an_order_is_two_keys_by_value_it_goes_to_the_largest_by_name_it_leaves_the_cursor(fake, opened):
     fake.run()
     fake.facts = {"value": {TORQUE: 999.0}}
     async with opened(fake) as screen:
-        await screen.press("o")
-        await screen.shows("letter again")
+        await screen.press("o", shows="letter again")
         await screen.press("v")
         await screen.until(lambda: screen.session.table.names[screen.session.rows.shown[0]] == TORQUE)
         await screen.shows("by value ↓")
@@ -100,8 +96,7 @@ async def test_rows_stand_still_for_three_seconds_after_a_key_and_the_cursor_on_
     await screen.press("o", "v")
     rows, table = screen.session.rows, screen.session.table
     await screen.until(lambda: table.facts.of("value", len(table)) is not None)
-    await screen.press("j", "j")
-    await screen.shows("by value ↓ (stands still 3 s after a key); o l: by name")
+    await screen.press("j", "j", shows="by value ↓ (stands still 3 s after a key); o l: by name")
     element, order = rows.row, list(rows.shown)
     fake.facts = {"value": {table.names[row]: float(place) for place, row in enumerate(order)}}
     top = screen.app.screen
@@ -135,8 +130,7 @@ async def test_that_none_passes_is_said_of_what_is_measured_only_and_as_long_as_
     none = "No element passes"
     async with opened(fake) as screen:
         await screen.until(lambda: screen.session.rows.is_measured)
-        await screen.type("/frozen")
-        await screen.shows(none)
+        await screen.type("/frozen", shows=none)
         for keys in ("ctrl+u", *"-changed<10m"):
             await screen.press(keys)
             assert (none in screen.text) == (not len(screen.session.rows.shown)), keys
@@ -153,11 +147,8 @@ async def test_z_makes_a_tree_that_folds_and_edits_as_a_whole(fake, opened):
     fake.run()
     fake.facts = {"signs": {TORQUE: FROZEN}}
     async with opened(fake) as screen:
-        await screen.press("o", "n")
-        await screen.shows("▼ base")
-        await screen.enter(":goto LF/HAA/torque", "z")
-        await screen.shows("► HAA")
-        await screen.shows("frozen 1 of 5")
+        await screen.press("o", "n", shows="▼ base")
+        await screen.enter(":goto LF/HAA/torque", "z", shows="► HAA", shows="frozen 1 of 5")
         line = next(line for line in screen.text.splitlines() if "► HAA" in line)
         assert "frozen 1 of 5" in line
         await screen.press("t")
@@ -203,13 +194,10 @@ async def test_alarm_is_a_filter_and_worst_first_begins_with_what_is_beyond_a_re
 
 
 async def test_n_steps_through_norm_and_entries_of_a_vector_and_statistics_of_the_norm_are_marked(screen, ran_s=12):
-    await screen.enter(":goto imu/acceleration", "n")
-    await screen.shows("norm ")
+    await screen.enter(":goto imu/acceleration", "n", shows="norm ")
+    await screen.press("n", "n", shows=" y ")
     await screen.press("n", "n")
-    await screen.shows(" y ")
-    await screen.press("n", "n")
-    await screen.enter("/imu/acceleration", "C")
-    await screen.shows("mean")
+    await screen.enter("/imu/acceleration", "C", shows="mean")
     await screen.press("n")
     await screen.until(lambda: any("norm " in line for line in screen.text.splitlines()[2:-3]), "the norm, marked")
 
@@ -326,8 +314,7 @@ async def test_statistics_of_an_enumeration_are_its_labels(fake, opened):
 
 
 async def test_a_message_leaves_the_count_of_the_filter_beside_it(screen):
-    await screen.enter("/torque", "asterisk", "u")
-    await screen.shows("nothing to undo")
+    await screen.enter("/torque", "asterisk", "u", shows="nothing to undo")
     line = next(line for line in screen.text.splitlines() if "nothing to undo" in line)
     assert "/torque: " in line
 
@@ -359,8 +346,7 @@ async def test_of_a_pose_there_is_no_norm(new_fake, opened):
     fake.run()
     fake.facts = {"value": {pose: 77.0}, "max": {pose: 77.0}, "most": {pose: 77.0}}
     async with opened(fake, size=(120, 24)) as screen:
-        await screen.press("C", "n")
-        await screen.shows(" position_x ")
+        await screen.press("C", "n", shows=" position_x ")
         await screen.press("o", "v")
         await screen.until(lambda: screen.session.table.facts.of("value", 1) is not None)
         assert "77." not in screen.text
@@ -383,8 +369,7 @@ async def test_ordered_by_value_the_values_are_those_of_the_order_after_a_filter
     fake.facts = {"value": {name: float(10 * place) for place, name in enumerate(legs)}}
     async with opened(fake) as screen:
         await screen.press("o", "v")
-        await screen.enter("/torque")
-        await screen.shows(f"{10.0 * (len(legs) - 1):.4f}")
+        await screen.enter("/torque", shows=f"{10.0 * (len(legs) - 1):.4f}")
         shown = [float(found) for found in re.findall(r"torque.*?(\d+\.\d{4})", screen.text)]
         assert len(shown) == len(legs)
         assert shown == sorted(shown, reverse=True)
@@ -429,8 +414,7 @@ async def test_a_unit_that_has_no_room_is_never_cut(new_fake, opened):
     async with opened(new_fake([scalar("/log/base/inertia", unit := "kg m^2/s^2 per turn")])) as screen:
         await screen.shows("inertia")
         assert "kg" not in screen.text and "unit" not in screen.text.splitlines()[1], "nor a column of ellipses"
-        await screen.do("inspector")
-        await screen.shows(f"[{unit}]")
+        await screen.do("inspector", shows=f"[{unit}]")
 
 
 @pytest.mark.parametrize(("pace", "spared_s"), [(STEPS[0], 0.0), (STEPS[-1], 8.0)])
@@ -444,8 +428,7 @@ async def test_goto_leads_to_the_table_from_any_screen_and_one_that_finds_nothin
     await screen.press(*keys)
     await screen.until(lambda: screen.app.screen.scope not in ("", "table"), "another screen")
     elsewhere = screen.app.screen
-    await screen.enter(":goto nowhere")
-    await screen.shows("no element has 'nowhere' in its name")
+    await screen.enter(":goto nowhere", shows="no element has 'nowhere' in its name")
     assert screen.app.screen is elsewhere
     await screen.enter(":goto temperature IMU")
     await screen.until(lambda: screen.app.screen.scope == "table", "the table")
@@ -454,8 +437,7 @@ async def test_goto_leads_to_the_table_from_any_screen_and_one_that_finds_nothin
 
 async def test_in_a_tree_goto_leads_to_a_name_space_itself_with_what_it_holds_below_it(screen):
     await screen.press("o", "n")
-    await screen.enter(":goto RF")
-    await screen.shows("/legs/RF: keys are about all 16 elements of it")
+    await screen.enter(":goto RF", shows="/legs/RF: keys are about all 16 elements of it")
     assert screen.session.rows.branch.path == "/legs/RF"
     assert "▼ HAA" in screen.text.partition("▼ RF")[2]
     await screen.enter(":goto /log/legs/LF/KFE", "z")
@@ -532,8 +514,7 @@ async def test_rows_stand_still_while_a_prompt_about_them_is_open(fake, opened, 
         assert rows.shown.tolist() == before
         over = screen.text.splitlines()[shown.query_one(CellEditor).region.y]
         assert f"/{edited} " in over
-        await screen.press("escape", "b")
-        await screen.shows("buffer of")
+        await screen.press("escape", "b", shows="buffer of")
         before = rows.shown.tolist()
         await surveyed(4)
         assert rows.shown.tolist() == before
@@ -568,8 +549,7 @@ async def test_who_finds_nothing_frozen_is_told_of_what_never_changed(fake, open
     fake.run()
     fake.facts = {"std": {info.name: float(info.name != TORQUE) for info in fake.infos}}
     async with opened(fake) as screen:
-        await screen.type("/frozen")
-        await screen.shows("none stopped changing; std=0 has those that never changed")
+        await screen.type("/frozen", shows="none stopped changing; std=0 has those that never changed")
         await screen.press("enter", "slash")
         await screen.type("std=0")
         await screen.until(lambda: screen.session.rows.shown.tolist() == [screen.session.table.row(TORQUE)], "it")

@@ -334,10 +334,8 @@ async def test_a_word_typed_where_its_letters_mean_nothing_gives_no_commands_by_
 async def test_a_filter_that_is_typed_behind_a_refused_entry_is_a_filter(fake, opened):
     use_keys("two-layer", {})
     async with opened(fake.run()) as screen:
-        await screen.press("v")
-        await screen.shows("Esc Leaves the menu")
-        await screen.press("u")
-        await screen.shows("none marked")
+        await screen.press("v", shows="Esc Leaves the menu")
+        await screen.press("u", shows="none marked")
         await screen.press("slash", *"torque", "enter")
         await screen.until(lambda: screen.session.rows.filter.text == "torque", "what was typed as a filter")
 

@@ -52,8 +52,7 @@ async def test_why_no_values_come_is_said(fake, opened, monkeypatch):
 
     async with opened(fake.run(2)) as screen:
         monkeypatch.setattr(fake, "view", view)
-        await screen.enter("/LF/HAA/torque", "m")
-        await screen.shows("no live values: 1000 views are open")
+        await screen.enter("/LF/HAA/torque", "m", shows="no live values: 1000 views are open")
 
 
 async def test_a_curve_goes_on_by_whole_cells_so_that_they_stay_as_they_are_and_lost_frames_are_fetched(fake, opened):
@@ -95,8 +94,7 @@ async def test_a_pause_holds_the_picture_follows_the_theme_walks_back_and_zooms_
     fake, screen, ran_s=30
 ):
     await open_torque(screen)
-    await screen.press("space")
-    await screen.shows("PAUSED")
+    await screen.press("space", shows="PAUSED")
     before = monitor(screen).stack.store.end
     fake.advance(5.0)
     await screen.until(lambda: screen.session.frame_time_ns == fake.now_ns, "what was logged meanwhile")
@@ -111,8 +109,7 @@ async def test_a_pause_holds_the_picture_follows_the_theme_walks_back_and_zooms_
     end = monitor(screen).window.paused_end_ns
     await screen.press(*["shift+left"] * 8)
     assert monitor(screen).window.paused_end_ns < end
-    await screen.press(*["plus"] * 12, "enter")
-    await screen.shows("TIME")
+    await screen.press(*["plus"] * 12, "enter", shows="TIME")
     plot = screen.app.screen
     assert plot.window.span_s == 0.001
     await screen.press("minus")
@@ -121,23 +118,16 @@ async def test_a_pause_holds_the_picture_follows_the_theme_walks_back_and_zooms_
 
 async def test_zoom_shows_another_span_at_a_held_scale_the_cursor_reads_and_the_detail_plot_has_axes(screen, ran_s=20):
     await open_torque(screen)
-    await screen.press("plus")
-    await screen.shows("5 s shown")
-    await screen.press("minus", "minus")
-    await screen.shows("20 s shown")
-    await screen.press("y")
-    await screen.shows("y held")
+    await screen.press("plus", shows="5 s shown")
+    await screen.press("minus", "minus", shows="20 s shown")
+    await screen.press("y", shows="y held")
     scale = monitor(screen).window.scales[TORQUE]
-    await screen.press(*["plus"] * 4)
-    await screen.shows("1 s shown")
+    await screen.press(*["plus"] * 4, shows="1 s shown")
     assert monitor(screen).window.scales[TORQUE] == scale
-    await screen.press("left")
-    await screen.shows("at cursor")
+    await screen.press("left", shows="at cursor")
     await screen.shows("cursor at -")
-    await screen.press("enter")
-    await screen.shows("TIME")
-    await screen.press("tab", "tab")
-    await screen.shows("SPECTRUM")
+    await screen.press("enter", shows="TIME")
+    await screen.press("tab", "tab", shows="SPECTRUM")
 
 
 async def test_a_wider_span_has_no_blank_though_its_history_comes_late(fake, opened):
@@ -192,15 +182,12 @@ async def test_what_was_overwritten_is_said_under_the_plots(fake, opened):
 
 async def test_of_a_vector_one_entry_or_all_are_plotted_as_it_is_looked_at_folded_or_marked(screen, ran_s=20):
     await screen.enter("/base/position")
-    await screen.do("component", "component")
-    await screen.shows("entry x alone, 1 of 3")
+    await screen.do("component", "component", shows="entry x alone, 1 of 3")
     await screen.plot("m")
     assert [each.name for each in screen.app.screen.stack.plots] == ["/log/base/position_x"]
     await screen.press("escape")
-    await screen.do("component")
-    await screen.shows("entry y alone, 2 of 3")
-    await screen.do("component", "component")
-    await screen.shows("its entries side by side")
+    await screen.do("component", shows="entry y alone, 2 of 3")
+    await screen.do("component", "component", shows="its entries side by side")
     await screen.plot("m")
     assert len(screen.app.screen.stack.plots) == 3
     await screen.press("escape")
@@ -209,12 +196,10 @@ async def test_of_a_vector_one_entry_or_all_are_plotted_as_it_is_looked_at_folde
     await screen.plot("m")
     assert [each.name for each in screen.app.screen.stack.plots] == ["/log/base/position_x"]
     await screen.press("escape")
-    await screen.press("space")
-    await screen.shows("base/position marked, with all")  # beside filter and marks
+    await screen.press("space", shows="base/position marked, with all")  # beside filter and marks
     await screen.plot("m")
     assert len(screen.app.screen.stack.plots) == 3
-    await screen.press("escape", "space")
-    await screen.shows("base/position no longer marked, with all")
+    await screen.press("escape", "space", shows="base/position no longer marked, with all")
 
 
 async def test_the_cursor_is_drawn_a_cell_further_for_each_press(fake, opened):
@@ -225,8 +210,7 @@ async def test_the_cursor_is_drawn_a_cell_further_for_each_press(fake, opened):
         def cell():
             return next(line for line in screen.text.splitlines() if "┤" in line).rfind("│")
 
-        await screen.press("left")
-        await screen.shows("cursor at -")
+        await screen.press("left", shows="cursor at -")
         begin = cell()
         for step in range(1, 4):
             await screen.press("left")
@@ -234,18 +218,15 @@ async def test_the_cursor_is_drawn_a_cell_further_for_each_press(fake, opened):
 
 
 async def test_every_marked_element_has_its_plots(screen, ran_s=20, size=(120, 40)):
-    await screen.press("space", "space", "m")
-    await screen.shows("/base/position_z")
+    await screen.press("space", "space", "m", shows="/base/position_z")
     assert len(monitor(screen).stack.plots) == 7
 
 
 async def test_one_that_is_only_saved_is_plotted_and_two_against_one_another(screen, ran_s=20):
-    await screen.enter("/solver_cost", "m")
-    await screen.shows("/state/solver_cost")
+    await screen.enter("/solver_cost", "m", shows="/state/solver_cost")
     await screen.shows("max")
     await screen.press("escape")
-    await screen.enter("/LF torque", "asterisk", "m", "enter", "tab")
-    await screen.shows("X-Y")
+    await screen.enter("/LF torque", "asterisk", "m", "enter", "tab", shows="X-Y")
     await screen.shows("r = ")
 
 
@@ -308,16 +289,14 @@ async def test_keys_of_a_plot_say_that_nothing_is_plotted_where_its_signal_is_no
 async def test_how_many_elements_are_plotted_is_told_where_that_is_another_number_than_of_plots(screen, ran_s=20):
     await screen.do("mark", "mark", "monitor")
     await screen.shows("plots 1-5 of 7, of 2 elements, vectors by entry (j next)")
-    await screen.do("plot_bottom")
-    await screen.shows(" of 7, of 2 elements, vectors by entry (k before)")
+    await screen.do("plot_bottom", shows=" of 7, of 2 elements, vectors by entry (k before)")
 
 
 async def test_another_signal_is_plotted_by_its_name_without_leaving_the_plots(fake, opened):
     fake.run(20)
     async with opened(fake) as screen:
         await open_torque(screen)
-        await screen.press("m")
-        await screen.shows("added by their names: their ends")
+        await screen.press("m", shows="added by their names: their ends")
         await screen.press(*"LF/HAA/pos", "tab", "enter")
         await screen.shows("added /legs/LF/HAA/position; J lays it over the plot above")
         stack = monitor(screen).stack
@@ -325,18 +304,14 @@ async def test_another_signal_is_plotted_by_its_name_without_leaving_the_plots(f
         assert stack.chosen_plot is stack.plots[1]
         await screen.press("J")
         await screen.until(lambda: [len(panel) for panel in stack.panels] == [2], "one plot of both")
-        await screen.enter(":plot LF/HAA/torque")
-        await screen.shows("that is plotted already")
-        await screen.enter(":plot LF/HAA/torqe")
-        await screen.shows("no element is called 'LF/HAA/torqe'")
-        await screen.press("m", "enter")
-        await screen.shows("say what to plot")
+        await screen.enter(":plot LF/HAA/torque", shows="that is plotted already")
+        await screen.enter(":plot LF/HAA/torqe", shows="no element is called 'LF/HAA/torqe'")
+        await screen.press("m", "enter", shows="say what to plot")
         await screen.enter(":plot position")
         await screen.until(lambda: len(stack.plots) > 2, "all that end so")
         assert all(each.element.name.endswith(("/torque", "/position")) for each in stack.plots)
         assert len({each.name for each in stack.plots}) == len(stack.plots)
-        await screen.press("space", "m")
-        await screen.shows("space goes on")
+        await screen.press("space", "m", shows="space goes on")
 
 
 async def test_what_is_named_is_plotted_from_the_table_whatever_is_marked(screen, ran_s=20):
@@ -345,25 +320,21 @@ async def test_what_is_named_is_plotted_from_the_table_whatever_is_marked(screen
     await screen.until(lambda: monitor(screen).scope == "monitor", "the plots")
     assert [each.name for each in monitor(screen).stack.plots] == [TORQUE]
     await screen.press("escape")
-    await screen.enter(":plot")
-    await screen.shows("say what to plot")
+    await screen.enter(":plot", shows="say what to plot")
 
 
 async def test_tab_offers_the_neighbours_of_the_plot_that_is_chosen_first(screen, ran_s=20):
     await screen.enter("/RF/KFE/torque", "m")
     await screen.curves()
     await screen.do("add_plot")
-    await screen.press("tab")
-    await screen.shows("plot /legs/RF/KFE/position")
-    await screen.press("tab")
-    await screen.shows("plot /legs/RF/KFE/velocity")
+    await screen.press("tab", shows="plot /legs/RF/KFE/position")
+    await screen.press("tab", shows="plot /legs/RF/KFE/velocity")
 
 
 async def test_what_is_found_in_plots_are_values_where_there_is_room_to_say_so(screen, ran_s=20, size=(160, 30)):
     await open_torque(screen)
     await screen.shows("f Find value  ")
-    await screen.press("enter")
-    await screen.until(lambda: screen.app.screen.scope == "detail", "the large plot")
+    await screen.press("enter", at="detail")
     await screen.shows("f Find value  ")
     screen.app.screen.action_command("mode_spectrum")
     await screen.shows("f Find peak  ")

@@ -32,8 +32,7 @@ async def test_a_click_on_a_live_head_orders_by_it_and_a_second_one_turns_the_or
 
 
 async def test_heads_of_statistics_can_be_clicked(screen, ran_s=12):
-    await screen.press("C")
-    await screen.shows(" mean")
+    await screen.press("C", shows=" mean")
     for title in ("min", "max", "mean", "std"):
         await click_on_head(screen, title)
         await screen.until(lambda title=title: screen.session.rows.sort == title, title)

@@ -14,7 +14,6 @@ from silo_tui.model.drawing.plots import Plotted, draw_panel, together
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.plots.overlay import Overlay, ghost_piece, overlay_of
 from silo_tui.model.samples.recorded import RecordingSource
-from silo_tui.screens.lists.recordings import RecordingsScreen
 from silo_tui.screens.plots.monitor import MonitorScreen
 from tests.stand_ins.fake_signals import START_NS
 
@@ -115,12 +114,9 @@ async def test_O_lays_a_run_over_the_plots_and_lifts_it_again(opened, fake, tmp_
     write(saved(seconds=30), fake.logs, "robot", ["silo"], "old_walk", why="saved by ann")
     async with opened(fake.run(12.0), size=(100, 30)) as screen:
         await screen.press("/")
-        await screen.enter("base/position", "m")
-        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "plots")
-        await screen.do("recordings")
-        await screen.shows("old_walk")
-        await screen.do("overlay_recording")
-        await screen.shows("lies over the plots, with data 00:00 to 00:29")
+        await screen.enter("base/position", "m", at="monitor")
+        await screen.do("recordings", shows="old_walk")
+        await screen.do("overlay_recording", shows="lies over the plots, with data 00:00 to 00:29")
         await screen.press("escape")
         await screen.until(lambda: type(screen.app.screen) is MonitorScreen, "plots")
         await screen.shows("' old_walk")
@@ -140,11 +136,9 @@ async def test_O_lays_a_run_over_the_plots_and_lifts_it_again(opened, fake, tmp_
         monkeypatch.setattr(Overlay, "columns", lambda *given: began.append(given[-1]) or columns(*given))
         await screen.app.screen._fill_ghost(stack.store)
         assert set(began) == {START_NS}
-        await screen.do("recordings")
-        await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the list")
+        await screen.do("recordings", at="recordings")
         await screen.shows("old_walk")
-        await screen.do("overlay_recording")
-        await screen.shows("lifted")
+        await screen.do("overlay_recording", shows="lifted")
         await screen.press("escape")
         await screen.until(lambda: stack.ghost is None, "no ghost")
 
@@ -155,11 +149,7 @@ async def test_a_run_that_has_nothing_here_says_where_it_has_and_where_here_is(o
     write(saved(seconds=30), fake.logs, "robot", ["silo"], "old_walk", why="saved by ann")
     async with opened(fake.run(120.0), size=(100, 30)) as screen:
         await screen.press("/")
-        await screen.enter("base/position", "m")
-        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "plots")
-        await screen.do("recordings")
-        await screen.shows("old_walk")
-        await screen.do("overlay_recording")
-        await screen.shows("lies over the plots")
-        await screen.press("escape")
-        await screen.shows("' old_walk: 00:00 to 00:29 after its start, here is 02:")
+        await screen.enter("base/position", "m", at="monitor")
+        await screen.do("recordings", shows="old_walk")
+        await screen.do("overlay_recording", shows="lies over the plots")
+        await screen.press("escape", shows="' old_walk: 00:00 to 00:29 after its start, here is 02:")

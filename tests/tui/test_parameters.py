@@ -24,7 +24,6 @@ from silo_tui.model.lists.parameters import (
     why_fixed,
 )
 from silo_tui.screens.lists.parameters import ParametersScreen
-from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.sessions import parameters as knobs
 from tests.stand_ins.fake_parameters import PARAMETERS
 
@@ -139,14 +138,12 @@ async def test_turns_of_which_one_looked_between_are_steps_back_of_their_own(fak
     clock = SimpleNamespace(monotonic=lambda: 10.0)
     monkeypatch.setattr(knobs, "time", clock)
     async with opened(fake) as screen:
-        await screen.do("parameters")
-        await screen.shows("above ground")
+        await screen.do("parameters", shows="above ground")
         await screen.press("right")
         await screen.until(lambda: values(fake)["height"] == 0.485)
         await screen.shows("height 0.485 m: it holds")
         clock.monotonic = lambda: 12.0
-        await screen.press("right")
-        await screen.shows("height 0.49 m: it holds")
+        await screen.press("right", shows="height 0.49 m: it holds")
         clock.monotonic = lambda: 13.9
         await screen.press("right")
         await screen.until(lambda: values(fake)["height"] == 0.495)
@@ -154,15 +151,13 @@ async def test_turns_of_which_one_looked_between_are_steps_back_of_their_own(fak
         await screen.until(lambda: values(fake)["height"] == 0.485)
         await screen.press("u")
         await screen.until(lambda: values(fake)["height"] == 0.48)
-        await screen.press("u")
-        await screen.shows("nothing is left to take back")
+        await screen.press("u", shows="nothing is left to take back")
 
 
 async def test_one_is_turned_typed_undone_and_set_again(fake, opened, monkeypatch):
     monkeypatch.setattr(knobs, "time", SimpleNamespace(monotonic=lambda: 10.0))  # however slow the machine is
     async with opened(fake) as screen:
-        await screen.do("parameters")
-        await screen.shows("above ground")
+        await screen.do("parameters", shows="above ground")
         await screen.press("right")
         await screen.until(lambda: values(fake)["height"] == 0.485)
         await screen.shows("height 0.485 m: it holds from tick 17 on; u takes it back, m plots it")
@@ -170,8 +165,7 @@ async def test_one_is_turned_typed_undone_and_set_again(fake, opened, monkeypatc
         await screen.until(lambda: values(fake)["height"] == 0.435)
         await screen.do("type_parameter")
         screen.app.screen.query_one(Input).value = "0.6"
-        await screen.press("enter")
-        await screen.shows("parameter '/gait/height': 0.6 doesn't fit")
+        await screen.press("enter", shows="parameter '/gait/height': 0.6 doesn't fit")
         assert screen.app.screen.query_one(Input).value == "0.6"
         await screen.press("escape", "down", "right", "u")  # of words the next one, and back
         await screen.until(lambda: values(fake)["name"] == "trot")
@@ -185,8 +179,7 @@ async def test_the_parameter_whose_plot_is_chosen_is_turned_there(fake, opened, 
     fake.parameter_infos = [replace(HEIGHT, name="/log/imu/temperature")]
     async with opened(fake) as screen:
         await screen.enter(":goto imu/temperature")
-        await screen.do("monitor")
-        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "plots")
+        await screen.do("monitor", at="monitor")
         await screen.press("greater_than_sign")
         await screen.until(lambda: values(fake)["temperature"] == 0.485)
         await screen.shows("0.485 m: it holds")
@@ -195,10 +188,8 @@ async def test_the_parameter_whose_plot_is_chosen_is_turned_there(fake, opened, 
 
 
 async def test_what_is_undone_before_its_answer_came_is_what_was_set_last(fake, screen):
-    await screen.do("parameters")
-    await screen.shows("above ground")
-    await screen.press("right")
-    await screen.shows("it holds")
+    await screen.do("parameters", shows="above ground")
+    await screen.press("right", shows="it holds")
     fake.answers.clear()
     await screen.press("down", "right")
     await screen.until(lambda: fake.calls[-1] == ("set_parameters", {"/log/gait/name": "pace"}))
@@ -215,21 +206,16 @@ def test_the_menu_of_edits_keeps_a_preset_here_and_not_the_table():
 
 
 async def test_what_somebody_else_set_since_is_not_undone(fake, screen):
-    await screen.do("parameters")
-    await screen.shows("above ground")
-    await screen.press("right")
-    await screen.shows("it holds")
+    await screen.do("parameters", shows="above ground")
+    await screen.press("right", shows="it holds")
     fake.put({"/log/gait/height": 0.5})
-    await screen.press("u")
-    await screen.shows("somebody else set height to 0.5 m since")
+    await screen.press("u", shows="somebody else set height to 0.5 m since")
     assert values(fake)["height"] == 0.5
 
 
 async def test_a_robot_program_that_was_started_anew_has_none_of_what_was_set_in_the_one_before(fake, screen):
-    await screen.do("parameters")
-    await screen.shows("above ground")
-    await screen.press("right")
-    await screen.shows("height 0.485 m: it holds from tick 17 on")
+    await screen.do("parameters", shows="above ground")
+    await screen.press("right", shows="height 0.485 m: it holds from tick 17 on")
     fake.cut()
     await screen.shows("No link")
     fake.pid = 5000
@@ -237,15 +223,13 @@ async def test_a_robot_program_that_was_started_anew_has_none_of_what_was_set_in
     fake.mend()
     await screen.shows("started again")
     await screen.until(lambda: "it holds from tick 17" not in screen.text, "the answer of the other program")
-    await screen.press("u")
-    await screen.shows("nothing is left to take back")
+    await screen.press("u", shows="nothing is left to take back")
 
 
 async def test_parameters_of_a_robot_program_that_is_gone_come_back_with_it(screen, monkeypatch):
     screen.session.take_status(replace(screen.session.status, state=State.DEAD))
     monkeypatch.setattr(knobs.Knobs, "refresh", nothing)
-    await screen.do("parameters")
-    await screen.shows("The robot program is gone; its parameters come back with it")
+    await screen.do("parameters", shows="The robot program is gone; its parameters come back with it")
 
 
 async def nothing(*given):
@@ -255,10 +239,8 @@ async def nothing(*given):
 async def test_what_is_closed_says_so_and_is_not_asked_for(fake, opened):
     fake.parameters_locked = True
     async with opened(fake) as screen:
-        await screen.do("parameters")
-        await screen.shows("above ground")
-        await screen.press("down", "down", "right")
-        await screen.shows("closed by the program for now")
+        await screen.do("parameters", shows="above ground")
+        await screen.press("down", "down", "right", shows="closed by the program for now")
         await screen.do("type_parameter")
         assert screen.app.screen.scope == "parameters"
         assert not fake.calls
@@ -267,56 +249,44 @@ async def test_what_is_closed_says_so_and_is_not_asked_for(fake, opened):
 async def test_defaults_and_presets_are_shown_before_they_are_set_as_one_change(fake, opened, tmp_path):
     fake.put({"/log/gait/height": 0.5, "/log/gains/kp": 60.0})
     async with opened(fake) as screen:
-        await screen.do("parameters")
-        await screen.shows("above ground")
+        await screen.do("parameters", shows="above ground")
         await screen.press("w")
         screen.app.screen.query_one(Input).value = str(tmp_path / "tall")
-        await screen.press("enter")
-        await screen.shows("saved 4 parameters")
-        await screen.do("asterisk", "default_parameter")
-        await screen.shows("gait/height: 0.5 -> 0.48 m")
+        await screen.press("enter", shows="saved 4 parameters")
+        await screen.do("asterisk", "default_parameter", shows="gait/height: 0.5 -> 0.48 m")
         await screen.press("escape")
         assert not fake.calls
-        await screen.do("default_parameter")
-        await screen.shows("gains/kp: 60.0 -> 40.0 Nm/rad")
+        await screen.do("default_parameter", shows="gains/kp: 60.0 -> 40.0 Nm/rad")
         await screen.press("down", "enter")
         await screen.until(lambda: values(fake)["kp"] == 40.0)
         await screen.shows("it holds")  # the flow is over
         await screen.do("compare_preset")
         screen.app.screen.query_one(Input).value = str(tmp_path / "tall.yaml")
-        await screen.press("enter")
-        await screen.shows("2 of 4 values differ from tall.yaml")
-        await screen.do("load_preset", "enter")
-        await screen.shows("gait/height: 0.48 -> 0.5 m")
+        await screen.press("enter", shows="2 of 4 values differ from tall.yaml")
+        await screen.do("load_preset", "enter", shows="gait/height: 0.48 -> 0.5 m")
         await screen.press("down", "enter")
         await screen.until(lambda: values(fake)["height"] == 0.5)
         assert [set(call[1]) for call in fake.calls] == 2 * [{"/log/gait/height", "/log/gains/kp"}]
 
 
 async def test_one_is_excited_after_a_look_at_how_far_and_how_long_and_any_key_ends_it(fake, screen):
-    await screen.do("parameters")
-    await screen.shows("above ground")
+    await screen.do("parameters", shows="above ground")
     await screen.do("excite")
     await screen.until(lambda: screen.app.screen.query(Input), "a line to type in")
     await screen.shows("0.4 to 0.54 in steps of 0.005 m")
     line = screen.app.screen.query_one(Input)
     assert line.value == "chirp 0.1-20Hz amplitude 0.015 for 20s"
     line.value = "step amplitude 1 for 20s"
-    await screen.press("enter")
-    await screen.shows("it takes 0.4 to 0.54")  # refused as a whole, and the line stays
+    await screen.press("enter", shows="it takes 0.4 to 0.54")  # refused as a whole, and the line stays
     line.value = "multisine 0.1-20Hz amplitude 0.02 for 20s"
-    await screen.press("enter")
-    await screen.shows("around 0.48 m, from 0.46 to 0.5:")
+    await screen.press("enter", shows="around 0.48 m, from 0.46 to 0.5:")
     await screen.press("escape")
     assert not fake.calls
     await screen.press("colon")
     await screen.type_or_paste("excite kp prbs 50Hz amplitude 2 for 20s")
-    await screen.press("enter")
-    await screen.shows("around 40.0 Nm/rad, from 38 to 42:")
-    await screen.press("down", "enter")
-    await screen.shows("3.0 of 20 s")
-    await screen.press("space")
-    await screen.shows("stopped by a key, rows 5 to 9")
+    await screen.press("enter", shows="around 40.0 Nm/rad, from 38 to 42:")
+    await screen.press("down", "enter", shows="3.0 of 20 s")
+    await screen.press("space", shows="stopped by a key, rows 5 to 9")
     assert fake.calls == [("excite", "kp", "prbs", 2.0, 20.0, 50.0)]
 
 
@@ -347,8 +317,6 @@ def test_a_line_that_makes_no_sense_says_what_it_should_be(line, words):
 
 
 async def test_the_plot_of_a_parameter_says_what_stands_beside_it(screen, ran_s=12, size=(100, 24)):
-    await screen.do("mark", "parameters")
-    await screen.shows("above ground")
-    await screen.do("plot_conditions")
-    await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "the plots")
+    await screen.do("mark", "parameters", shows="above ground")
+    await screen.do("plot_conditions", at="monitor")
     await screen.shows("with 1 signal marked in the table")

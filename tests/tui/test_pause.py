@@ -33,8 +33,7 @@ async def open_torque(screen):
 
 
 async def hold(screen):
-    await screen.press("space")
-    await screen.shows("held, all fetched")
+    await screen.press("space", shows="held, all fetched")
     return monitor(screen).pause.source
 
 
@@ -110,8 +109,7 @@ async def test_a_condition_is_judged_by_what_is_pinned_when_the_buffers_have_ove
         await screen.do("find")
         await screen.type("legs/LF/HAA/torque > 1")
         await screen.shows(f"turned true {len(rises)} × in the 19.9 s that are held")
-        await screen.press("enter")
-        await screen.shows(f"torque > 1, {len(rises)} of {len(rises)}: turns true")
+        await screen.press("enter", shows=f"torque > 1, {len(rises)} of {len(rises)}: turns true")
         await screen.until(lambda: monitor(screen).now_ns == time_ns[rises[-1]], "the newest of them")
         await screen.do("find")
         await screen.type("LH/HAA/torque > 1")  # which is not plotted
@@ -145,11 +143,9 @@ async def test_a_window_that_is_wider_later_shows_what_the_buffers_held_at_the_p
         await screen.press("m")
         await screen.press("plus", "plus")
         await screen.until(lambda: monitor(screen).window.span_s == 2.0 and filled(screen), "two seconds")
-        await screen.press("space")
-        await screen.shows("10 s held, 4 s of it fetched")
+        await screen.press("space", shows="10 s held, 4 s of it fetched")
         fake.advance(16)
-        await screen.press("minus", "minus")
-        await screen.shows("10 s held, all fetched")
+        await screen.press("minus", "minus", shows="10 s held, all fetched")
         held = monitor(screen).pause.source
         time_ns, values = await held.samples(TORQUE, held.begin_ns, held.end_ns)
         assert time_ns[-1] - time_ns[0] > 9.9e9
@@ -173,18 +169,14 @@ async def test_a_link_that_is_cut_at_once_leaves_the_picture_which_claims_no_sec
     await open_torque(screen)
     await screen.until(lambda: filled(screen), "the whole picture")
     fake.cut()
-    await screen.press("space")
-    await screen.shows("only the picture fetched")
-    await screen.shows("ago, only the picture held")
+    await screen.press("space", shows="only the picture fetched", shows="ago, only the picture held")
     await screen.until(lambda: filled(screen), "the whole picture")
     assert "20 s held" not in screen.text
-    await screen.do("find", "h", "enter")
-    await screen.shows("highest, ")
+    await screen.do("find", "h", "enter", shows="highest, ")
     await screen.shows(": 40.0000 at -")
     await screen.shows("(picture only, to ")
     assert abs((monitor(screen).window.at_ns - START_NS) / 1e9 % 4) < 0.2  # a spike every 4 s
-    await screen.do("cursor_b", *["shift+left"] * 3)
-    await screen.shows("picture only, to ")
+    await screen.do("cursor_b", *["shift+left"] * 3, shows="picture only, to ")
     await screen.shows("; mean, std and rms need all samples")
 
     def told():
@@ -229,8 +221,7 @@ async def test_what_was_held_for_a_question_that_is_left_goes_on(fake, screen, r
     await open_torque(screen)
     shown = monitor(screen)
     for letters in ("", "-3s", "last above 1", "torque > 1"):
-        await screen.do("find")
-        await screen.shows("Find in")
+        await screen.do("find", shows="Find in")
         await screen.type(letters)
         assert shown.window.paused
         await screen.press("escape")
@@ -247,8 +238,7 @@ async def test_scrolling_back_while_it_runs_looks_into_the_buffers_and_end_retur
     fake = deep
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)
-        await screen.press("pageup", "pageup")
-        await screen.shows("End: now")
+        await screen.press("pageup", "pageup", shows="End: now")
         await screen.until(lambda: filled(screen), "what was logged before")
         assert not fake.pins
         await screen.press("end")
@@ -260,8 +250,7 @@ async def test_where_no_more_is_held_scrolling_back_says_so_until_it_goes_on_and
     monkeypatch, screen, ran_s=60
 ):
     await open_torque(screen)
-    await screen.press("pageup")
-    await screen.shows("that is the oldest: /legs/LF/HAA/torque holds 10 s (buffer looping")
+    await screen.press("pageup", shows="that is the oldest: /legs/LF/HAA/torque holds 10 s (buffer looping")
     assert "PAUSED" in screen.text
     await screen.press("escape")
     await screen.until(lambda: not monitor(screen).window.paused, "it goes on")
@@ -279,8 +268,7 @@ async def test_scrolling_back_by_less_than_half_a_window_says_how_far_it_went_an
     async with opened(fake.run(60)) as screen:
         await screen.press("m")
         await screen.until(lambda: not store_of(screen).empty, "history in the plot")
-        await screen.press("pageup")
-        await screen.shows(" s back: that is the oldest: ")
+        await screen.press("pageup", shows=" s back: that is the oldest: ")
         said = monitor(screen).line.said
         assert "HAA/torque holds 12 s (buffer looping 4800 at divider 1); " in said
         assert said.endswith("; s in the table holds more, :record records, F has what is saved")
@@ -300,13 +288,11 @@ async def test_of_several_signals_that_which_is_held_longest_ends_what_is_held_a
     async with opened(fake.run(11)) as screen:
         await screen.press("*", "m")
         await screen.until(lambda: not store_of(screen).empty, "history in the plot")
-        await screen.press("pageup")
-        await screen.shows("the oldest that is held; ⇧← cursor by ten")
+        await screen.press("pageup", shows="the oldest that is held; ⇧← cursor by ten")
         await screen.press("escape")
         fake.advance(60)
         await screen.until(lambda: store_of(screen).end * store_of(screen).column_ns >= fake.now_ns, "it goes on")
-        await screen.press("pageup")
-        await screen.shows("that is the oldest: /legs/LH/HAA/torque holds 12 s (buffer looping")
+        await screen.press("pageup", shows="that is the oldest: /legs/LH/HAA/torque holds 12 s (buffer looping")
 
 
 async def test_buffers_that_hold_more_than_they_were_asked_to_are_looked_back_in(fake, monkeypatch, screen, ran_s=60):
@@ -367,8 +353,7 @@ async def test_the_highest_is_looked_for_in_all_that_the_buffers_hold(spiked, op
         await screen.until(lambda: monitor(screen).window.span_s == 1.0)
         fake.advance(1.9)
         await screen.until(lambda: store_of(screen).end * store_of(screen).column_ns >= fake.now_ns, "newest columns")
-        await screen.do("find", "h", "enter")
-        await screen.shows("highest, 16 of 16: 40")
+        await screen.do("find", "h", "enter", shows="highest, 16 of 16: 40")
         held = monitor(screen).pause.source
         assert monitor(screen).window.at_ns == START_NS + 60 * 10**9
         assert monitor(screen).window.at_ns < held.main.begin_ns
@@ -381,15 +366,12 @@ async def test_a_moment_that_the_buffers_lost_is_said_with_the_oldest_that_is_he
     fake.happen("marker", "long ago", fake.started_ns + 10**9)
     async with opened(fake) as screen:
         await open_torque(screen)
-        await screen.do("events", "enter")
-        await screen.shows("no plot has it: ")
+        await screen.do("events", "enter", shows="no plot has it: ")
         assert isinstance(screen.app.screen, EventsScreen)
         monkeypatch.setattr(
             EventsScreen, "_is_gone", lambda *_: False
         )  # of other elements it is held, for all it knows
-        await screen.press("enter")
-        await screen.shows("overwritten, held is from -19.99")
-        await screen.shows(" to 0.000 s")
+        await screen.press("enter", shows="overwritten, held is from -19.99", shows=" to 0.000 s")
         assert monitor(screen).window.cursor is None
 
 
@@ -400,8 +382,7 @@ async def test_an_event_that_the_buffers_hold_is_gone_to_beyond_the_pin(spiked, 
     fake.happen("marker", "long ago", fake.started_ns + 10**9)
     async with opened(fake) as screen:
         await open_torque(screen)
-        await screen.do(*keys)
-        await screen.shows("at -58.99")
+        await screen.do(*keys, shows="at -58.99")
         await screen.shows(': "long ago"')
         assert monitor(screen).window.at_ns == fake.started_ns + 10**9
 
@@ -410,11 +391,9 @@ async def test_brackets_step_far_beyond_the_pin_and_what_was_pinned_there_surviv
     fake = spiked()
     async with opened(fake.run(61)) as screen:
         await open_torque(screen)
-        await screen.do("find", "h", "enter")
-        await screen.shows("16 of 16: 40")
+        await screen.do("find", "h", "enter", shows="16 of 16: 40")
         for count in range(15, 10, -1):
-            await screen.do("previous_found")
-            await screen.shows(f"{count} of 16: 40")
+            await screen.do("previous_found", shows=f"{count} of 16: 40")
         held, at_ns = monitor(screen).pause.source, START_NS + 40 * 10**9
         assert monitor(screen).window.at_ns == at_ns
         await screen.until(lambda: filled(screen), "the picture there")
@@ -440,12 +419,9 @@ async def test_finding_from_an_earlier_window_looks_at_what_came_after_it_too(sp
     fake = spiked()
     async with opened(fake.run(61)) as screen:
         await open_torque(screen)
-        await screen.press("pageup", "pageup", "pageup")
-        await screen.shows("End: now")
-        await screen.do("find", "l", "enter")
-        await screen.shows("lowest, ")
-        await screen.do("find", "h", "enter")
-        await screen.shows("of 16: 40")
+        await screen.press("pageup", "pageup", "pageup", shows="End: now")
+        await screen.do("find", "l", "enter", shows="lowest, ")
+        await screen.do("find", "h", "enter", shows="of 16: 40")
 
 
 async def test_a_full_stop_steps_into_what_no_pin_has(spiked, opened):
@@ -486,8 +462,7 @@ async def test_in_a_pause_words_and_values_are_those_of_the_cursor_not_of_now(fa
     other = words[int(50.5 / 3) % 3]
     await screen.shows(f"at cursor {other}")
     await screen.until(lambda: f"│{other}" in screen.text, "the word beside the band")
-    await screen.press("escape")
-    await screen.shows(f"at end {pinned}")
+    await screen.press("escape", shows=f"at end {pinned}")
 
 
 async def test_who_goes_on_while_a_moment_is_brought_is_led_nowhere(fake, monkeypatch, screen, ran_s=61):
@@ -536,8 +511,7 @@ async def test_a_pin_without_rows_leaves_the_times_and_the_picture_as_they_were(
     async with opened(fake) as screen:
         await open_torque(screen)
         await screen.until(lambda: filled(screen), "the whole picture")
-        await screen.press("space")
-        await screen.shows("only the picture fetched, no more: the logger holds nothing of it any more")
+        await screen.press("space", shows="only the picture fetched, no more: the logger holds nothing of it any more")
         await screen.shows(" ago   lost 0")  # for which the head leaves out what the line above says
         await screen.press("left")
         await screen.until(lambda: "A -" in screen.text, "the moment of the cursor, before now")
@@ -557,19 +531,16 @@ async def test_what_could_not_be_pinned_is_pinned_whole_when_the_link_is_back(de
         await open_torque(screen)
         await screen.until(lambda: filled(screen), "the whole picture")
         fake.cut()
-        await screen.press("space")
-        await screen.shows("only the picture held")
+        await screen.press("space", shows="only the picture held")
         fake.mend()
         await screen.until(lambda: screen.session.connected)
-        await screen.press("plus")
-        await screen.shows("ago, 20 s held")
+        await screen.press("plus", shows="ago, 20 s held")
 
 
 async def test_the_title_tells_the_sample_that_was_found_and_a_crossing_is_offered_at_its_value(fake, screen, ran_s=61):
     await open_torque(screen)
     await hold(screen)
-    await screen.do("find", "h", "enter")
-    await screen.shows("of 3: 40")
+    await screen.do("find", "h", "enter", shows="of 3: 40")
     await screen.until(lambda: re.search(r"at cursor 40(\.0*)? \(-?[\d.]+ … 40", screen.text), "the sample")
     fake.advance(1.3)
     await screen.do("find")
@@ -581,8 +552,7 @@ async def test_what_lies_between_is_added_up_in_the_helper_where_it_is_not_here(
     fake = deep
     async with opened(fake.run(60)) as screen:
         await open_torque(screen)
-        await screen.press("space")
-        await screen.shows("20 s held, 11 s of it fetched")
+        await screen.press("space", shows="20 s held, 11 s of it fetched")
         held = monitor(screen).pause.source
         asked = len(fake.calls)
         facts, partly = await held.measure([TORQUE], held.begin_ns, held.end_ns)
@@ -605,8 +575,7 @@ async def test_what_the_plot_showed_stays_to_be_seen_where_the_buffers_hold_it_n
                 lambda: store_of(screen).end * store_of(screen).column_ns >= fake.now_ns, "what came meanwhile"
             )
         await screen.until(lambda: filled(screen), "ten seconds as they came")
-        await screen.press("space")
-        await screen.shows("before it as drawn")
+        await screen.press("space", shows="before it as drawn")
         await screen.until(lambda: monitor(screen).pause.source.main.complete, "all samples")
         assert filled(screen)
         await screen.do("oldest")

@@ -29,8 +29,7 @@ async def test_events_say_whether_a_name_is_proven(fake, opened):
     fake.happen("stopped", "stopped", fake.now_ns, who="anna (proven) from desk2, silo-tui 2")
     fake.happen("started", "started", fake.now_ns, who="bob (says so) from desk3, silo 3")
     async with opened(fake, size=(100, 30)) as screen:
-        await screen.do("events")
-        await screen.shows("anna (proven)")
+        await screen.do("events", shows="anna (proven)")
         await screen.shows("bob (says so)")
 
 
@@ -64,12 +63,9 @@ async def test_control_is_given_to_who_is_connected_tab_names_them_and_a_word_th
         assert complete(":control give a") == ["control give anna"]
         assert complete(":control take ") == []
         assert complete(":control g") == ["control give"]
-        await screen.do("control")
-        await screen.shows(":control give NAME hands it over (anna")
-        await screen.press("t")
-        await screen.shows("you have control")
-        await screen.enter(":control tkae")
-        await screen.shows("control: there is no 'tkae'; did you mean 'take'?")
+        await screen.do("control", shows=":control give NAME hands it over (anna")
+        await screen.press("t", shows="you have control")
+        await screen.enter(":control tkae", shows="control: there is no 'tkae'; did you mean 'take'?")
         assert not list(screen.app._notifications), "they lie over what was answered"
 
 

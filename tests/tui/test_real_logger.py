@@ -44,17 +44,13 @@ async def test_a_real_logger_is_found_watched_stopped_edited_and_started(logger,
     async with screen_of(app, size=(100, 30)) as screen:
         await screen.until(lambda: app.context.has_session and len(app.context.session.table) == 2, "the table")
         await screen.until(lambda: "/log/joints/q" in app.context.session.live.readings, "live values")
-        await screen.press("d", "4", "enter", "a")
-        await screen.shows("stop, apply, start again")
-        await screen.press("D")
-        await screen.shows("logging again")
+        await screen.press("d", "4", "enter", "a", shows="stop, apply, start again")
+        await screen.press("D", shows="logging again")
         assert logger.elements[0].options.divider == 4
         assert logger._life.state.value == "running"
         began = logger._present.number
-        await screen.press("d", "5", "enter", "a")
-        await screen.shows("Apply and go on")
-        await screen.press("a")
-        await screen.shows("it goes on")
+        await screen.press("d", "5", "enter", "a", shows="Apply and go on")
+        await screen.press("a", shows="it goes on")
         assert (logger.elements[0].options.divider, logger._present.number, logger.is_running) == (5, began, True)
 
 
@@ -72,5 +68,4 @@ async def test_an_element_that_could_not_be_read_says_so_in_the_inspector(tmp_pa
             log.collect()
         async with screen_of(SiloApp(ClientFinder(), rate_hz=10), size=(160, 40)) as screen:
             await screen.shows("/mode")
-            await screen.press("i")
-            await screen.shows("not read     at 2 ticks")
+            await screen.press("i", shows="not read     at 2 ticks")

@@ -74,8 +74,7 @@ class TestScreens:
                 await asked()
 
             monkeypatch.setattr(screen.session, "refresh_recorders", refresh)
-            await screen.do("recordings")
-            await screen.shows("Nothing is saved")
+            await screen.do("recordings", shows="Nothing is saved")
             listed.set()
             await screen.shows("walks/walk")
             await screen.shows("1.9 GB disk left")
@@ -91,24 +90,19 @@ class TestScreens:
 
     async def test_what_is_marked_is_recorded_with_split_and_budget(self, fake, screen):
         await screen.type("/LF torque")
-        await screen.do("enter", "asterisk", "escape", "recordings")
-        await screen.shows("Nothing is saved")
-        await screen.do("record")
-        await screen.shows("3 signals: about 31.2 kB/s in .mcap files")
+        await screen.do("enter", "asterisk", "escape", "recordings", shows="Nothing is saved")
+        await screen.do("record", shows="3 signals: about 31.2 kB/s in .mcap files")
         await screen.press("tab")
         await screen.type("walks")
         await screen.press("tab", "tab", "tab")
         await screen.type("all")
         assert screen.app.screen.made().keep == ""
         await screen.press(*["backspace"] * 3)
-        await screen.type("200MB")
-        await screen.shows("a part ends at 100 MB, half of it")
+        await screen.type("200MB", shows="a part ends at 100 MB, half of it")
         await screen.press(*["backspace"] * 5)
-        await screen.type("2GB")
-        await screen.shows("keeps about the newest 17.8 h")
+        await screen.type("2GB", shows="keeps about the newest 17.8 h")
         assert "a part ends" not in screen.text
-        await screen.press("enter")
-        await screen.shows("recording 'robot' to /home/ann/logs/walks")
+        await screen.press("enter", shows="recording 'robot' to /home/ann/logs/walks")
         names = tuple(f"/log/legs/LF/{joint}/torque" for joint in ("HAA", "HFE", "KFE"))
         assert ("record", names, "walks", "1GB", "2GB", "") in fake.calls
         await screen.shows("walks/robot")
@@ -124,8 +118,7 @@ class TestScreens:
         async with opened(fake.run(), size=size) as screen:
             await screen.enter("/imu")
             await screen.enter(":record")
-            await screen.press("enter")
-            await screen.shows("recording 'robot'; 25 elements are recorded only until")
+            await screen.press("enter", shows="recording 'robot'; 25 elements are recorded only until")
             told = " ".join(screen.text.split())
             assert "25 elements are recorded only until their buffers are full" in told
             rest = f"({key_of('messages') or ':messages'})"
@@ -140,31 +133,24 @@ class TestScreens:
         async with opened(fake) as screen:
             await screen.do(*steps)
             await screen.press("tab", "tab", "tab", "tab")
-            await screen.type("8MB")
-            await screen.shows("6.75 MB of earlier recordings 'robot' go first")
+            await screen.type("8MB", shows="6.75 MB of earlier recordings 'robot' go first")
             await screen.press("tab", "tab", "tab")
             await screen.type("second")
             await screen.until(lambda: "go first" not in screen.text)
 
     async def test_what_makes_no_sense_is_said_where_one_types_and_nothing_is_recorded(self, fake, screen):
-        await screen.do("recordings")
-        await screen.shows("Nothing is saved")
-        await screen.do("stop_recording")
-        await screen.shows("nothing is being recorded; N begins it")
-        await screen.do("record")
-        await screen.shows("72 signals")
+        await screen.do("recordings", shows="Nothing is saved")
+        await screen.do("stop_recording", shows="nothing is being recorded; N begins it")
+        await screen.do("record", shows="72 signals")
         for name in ("signals", "to", "name"):  # the field that has the keys is seen without colours
             await screen.shows(f">{name} ")
             assert screen.text.count("│ >") + screen.text.count(" >name") == 1
             await screen.press("tab")
-        await screen.type("x")
-        await screen.shows("split must be a size from 1MB or a time")
-        await screen.press("enter")
-        await screen.shows("split must be")
+        await screen.type("x", shows="split must be a size from 1MB or a time")
+        await screen.press("enter", shows="split must be")
         await screen.press("escape")
         await screen.until(lambda: not screen.app.screen.is_modal)
-        await screen.enter(":record nobody")
-        await screen.shows("no element matches 'nobody'")
+        await screen.enter(":record nobody", shows="no element matches 'nobody'")
         await screen.press("escape")
         await screen.until(lambda: not screen.app.screen.is_modal)
         await screen.enter(":record marked")
@@ -177,46 +163,36 @@ class TestScreens:
 
         async with opened(fake) as screen:
             monkeypatch.setattr(fake, "record", refused)
-            await screen.do("recordings", "record")
-            await screen.shows("72 signals")
+            await screen.do("recordings", "record", shows="72 signals")
             await screen.press("tab")
-            await screen.enter("/tmp")
-            await screen.shows("the folder is outside of the logger's")
+            await screen.enter("/tmp", shows="the folder is outside of the logger's")
             monkeypatch.undo()
             assert screen.app.screen.fields["to"] == "/tmp"
             await screen.press(*["backspace"] * 4)
-            await screen.enter("walks")
-            await screen.shows("recording 'robot' to /home/ann/logs/walks")
+            await screen.enter("walks", shows="recording 'robot' to /home/ann/logs/walks")
 
     async def test_one_is_stopped_after_a_question(self, fake, opened):
         fake.recorder_infos = [WALK, FULL]
         async with opened(fake) as screen:
-            await screen.do("recordings")
-            await screen.shows("walks/walk")
-            await screen.do("stop_recording")
-            await screen.shows("Stop which recording of robot?")
+            await screen.do("recordings", shows="walks/walk")
+            await screen.do("stop_recording", shows="Stop which recording of robot?")
             await screen.press("enter")
             await screen.until(lambda: screen.app.screen is screen.app.context.upper_screen)
             assert fake.recorder_infos == [WALK, FULL]
-            await screen.do("stop_recording")
-            await screen.shows("Stop recording 'walk': 21 parts written")
+            await screen.do("stop_recording", shows="Stop recording 'walk': 21 parts written")
             await screen.shows("those that are kept stay")
-            await screen.press("1")
-            await screen.shows("recording 'walk' ended")
+            await screen.press("1", shows="recording 'walk' ended")
             assert fake.recorder_infos == [FULL]
             await screen.until(lambda: "REC " not in screen.text.splitlines()[0])
-            await screen.do("stop_recording")
-            await screen.shows("Stop recording 'imu' of robot?")
-            await screen.press("d")
-            await screen.shows("d is no answer here  Enter Leave it")
+            await screen.do("stop_recording", shows="Stop recording 'imu' of robot?")
+            await screen.press("d", shows="d is no answer here  Enter Leave it")
             await screen.press("y")  # of one that is asked for, as anywhere
             await screen.until(lambda: fake.recorder_infos == [])
 
     async def test_how_much_is_recorded_moves_in_the_question_as_well(self, fake, opened):
         fake.recorder_infos = [WALK, FULL]
         async with opened(fake) as screen:
-            await screen.enter(":endrecording")
-            await screen.shows("Stop recording 'walk': 21 parts written")
+            await screen.enter(":endrecording", shows="Stop recording 'walk': 21 parts written")
             await screen.press("j")
             fake.recorder_infos = [msgspec.structs.replace(WALK, parts=WALK.parts + 3, lost=7), FULL]
             await screen.shows("Stop recording 'walk': 24 parts written")
@@ -227,8 +203,7 @@ class TestScreens:
         fake.recorder_infos = [WALK]
         async with opened(fake) as screen:
             assert counts(BY_ID["stop_recording"], "table")  # by the letters of the menu
-            await screen.enter(":endrecording")
-            await screen.shows("Stop recording 'walk' of robot?")
+            await screen.enter(":endrecording", shows="Stop recording 'walk' of robot?")
             await screen.press("y")
             await screen.until(lambda: fake.recorder_infos == [])
 
@@ -237,15 +212,12 @@ class TestScreens:
         asked = []
         monkeypatch.setattr(fake, "recordings", lambda most=200: asked.append(most) or told(most))
         async with opened(fake) as screen:
-            await screen.do("recordings")
-            await screen.shows("walks/walk")
+            await screen.do("recordings", shows="walks/walk")
             await screen.until(lambda: screen.app.screen._parts is not None)
             before = len(asked)
             fake.recorder_infos = [structs.replace(WALK, parts=WALK.parts + 1)]
             await screen.until(lambda: len(asked) > before, "the list anew")
 
     async def test_a_read_only_session_records_nothing(self, screen, read_only=True):
-        await screen.do("recordings")
-        await screen.shows("Nothing is saved")
-        await screen.do("record")
-        await screen.shows("Record: this is read-only")
+        await screen.do("recordings", shows="Nothing is saved")
+        await screen.do("record", shows="Record: this is read-only")

@@ -23,7 +23,6 @@ from silo.rpc.published import EventKind
 from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.screens.lists.recordings import FIRST, RecordingsScreen
 from silo_tui.screens.plots.monitor import MonitorScreen
-from silo_tui.screens.table import TableScreen
 from tests.tui.conftest import character_of
 from tests.waiting import DEADLINE_S
 
@@ -65,8 +64,7 @@ def far(fake, monkeypatch):
 
 
 async def at_recordings(screen):
-    await screen.do("recordings")
-    await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the screen")
+    await screen.do("recordings", at="recordings")
     await screen.shows("trigger fall")
 
 
@@ -95,8 +93,7 @@ async def test_the_list_says_why_when_how_long_how_large(screen, logs, size):
 
 
 async def test_nothing_saved_yet_is_told_with_the_key_that_saves(screen):
-    await screen.do("recordings")
-    await screen.shows("Nothing is saved in /home/ann/logs yet. w in the table")
+    await screen.do("recordings", shows="Nothing is saved in /home/ann/logs yet. w in the table")
 
 
 # ------------------------------------------------------------------------------------------------ opening in place
@@ -109,10 +106,8 @@ async def test_esc_gives_an_opening_up_and_what_is_typed_meanwhile_is_for_the_ta
     monkeypatch.setattr(opening, "open_log", lambda which: reads.wait(DEADLINE_S) and read(which))
     async with opened(fake) as screen:
         await at_recordings(screen)
-        await screen.press("enter")
-        await screen.shows("opening robot")
-        await screen.press("escape")
-        await screen.shows(": given up")
+        await screen.press("enter", shows="opening robot")
+        await screen.press("escape", shows=": given up")
         reads.set()
         await screen.press("j")
         await screen.until(lambda: screen.app.screen.lines.highlighted == 1, "the list goes on")
@@ -132,26 +127,19 @@ async def test_enter_opens_the_file_escape_comes_back_to_table_or_plots_and_what
     screen, fake, logs, ran_s=12
 ):
     await at_recordings(screen)
-    await screen.press("j", "enter")
-    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+    await screen.press("j", "enter", at="file")
     await screen.shows("legs/LF/HAA/torque")
     assert "FILE " in screen.text.splitlines()[0]
     assert "00006" in screen.text.splitlines()[0]
-    await screen.press("m")
-    await screen.until(lambda: screen.app.screen.scope == "file_monitor", "its plots")
-    await screen.press("escape")
-    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
-    await screen.press("escape")
-    await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the list")
+    await screen.press("m", at="file_monitor")
+    await screen.press("escape", at="file")
+    await screen.press("escape", at="recordings")
     assert screen.app.screen.chosen.stem.endswith("00006")
-    await screen.press("escape")
-    await screen.until(lambda: isinstance(screen.app.screen, TableScreen), "the table")
-    await screen.press("m")
-    await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "plots")
+    await screen.press("escape", at="table")
+    await screen.press("m", at="monitor")
     plotted = [each.name for each in screen.app.screen.stack.plots]
     await at_recordings(screen)
-    await screen.press("enter")
-    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+    await screen.press("enter", at="file")
     await screen.press("escape", "escape")
     await screen.until(lambda: type(screen.app.screen) is MonitorScreen, "plots")
     assert [each.name for each in screen.app.screen.stack.plots] == plotted
@@ -162,27 +150,22 @@ async def test_enter_opens_the_file_escape_comes_back_to_table_or_plots_and_what
     await screen.press("escape")
     live = screen.session
     await at_recordings(screen)
-    await screen.press("enter")
-    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+    await screen.press("enter", at="file")
     fake.state = State.STOPPED
     fake.somebody_edits("/log/base/position", divider=7)
     await screen.press("escape")
     await screen.until(lambda: not live.running and live.table.revision == fake.revision, "the news")
     await screen.shows("STOPPED")
-    await screen.press("enter")
-    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+    await screen.press("enter", at="file")
     fake.cut()
-    await screen.press("escape")
-    await screen.shows("NO LINK")
+    await screen.press("escape", shows="NO LINK")
 
 
 async def test_pending_edits_are_asked_for_when_one_quits_from_a_file(screen, logs):
     await screen.do("toggle")
     await at_recordings(screen)
-    await screen.press("enter")
-    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
-    await screen.press("q")
-    await screen.shows("Quit without applying?")
+    await screen.press("enter", at="file")
+    await screen.press("q", shows="Quit without applying?")
     assert screen.session.table.pending_count[0] == 1
 
 
@@ -190,8 +173,7 @@ async def test_a_file_that_vanished_is_told(screen, logs):
     await at_recordings(screen)
     for path in logs.glob("*fall*"):
         path.unlink()
-    await screen.press("enter")
-    await screen.shows("can't be opened")
+    await screen.press("enter", shows="can't be opened")
     assert isinstance(screen.app.screen, RecordingsScreen)
 
 
@@ -203,11 +185,9 @@ async def test_a_recording_from_far_away_is_fetched_first_and_only_once(opened, 
     async with opened(fake) as screen:
         await at_recordings(screen)
         for _ in range(2):
-            await screen.press("enter")
-            await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+            await screen.press("enter", at="file")
             await screen.shows("legs/LF/HAA/torque")
-            await screen.press("escape")
-            await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the list")
+            await screen.press("escape", at="recordings")
     assert len(fetched) == 1
     assert len(list((tmp_path / "cache" / "silo" / "recordings" / "anymal-robot").iterdir())) == 1
 
@@ -223,20 +203,15 @@ async def test_after_a_save_one_key_opens_the_file(opened, fake, logs, monkeypat
 
     monkeypatch.setattr(fake, "save", save)
     async with opened(fake) as screen:
-        await screen.press("w", "enter")
-        await screen.shows("o Opens it")
-        await screen.press("o")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+        await screen.press("w", "enter", shows="o Opens it")
+        await screen.press("o", at="file")
         await screen.until(lambda: "fall_3" in screen.text.partition("\n")[0], "its name")
-        await screen.press("escape")
-        await screen.until(lambda: isinstance(screen.app.screen, TableScreen), "the table")
+        await screen.press("escape", at="table")
 
 
 async def at_the_capture(screen):
-    await screen.do("triggers")
-    await screen.shows("last capture: robot_20260921_14-00-00_00007_fall_3.silo")
-    await screen.press("enter")
-    await screen.until(lambda: screen.app.screen.scope == "file_monitor", "plots of the capture")
+    await screen.do("triggers", shows="last capture: robot_20260921_14-00-00_00007_fall_3.silo")
+    await screen.press("enter", at="file_monitor")
 
 
 @pytest.fixture
@@ -261,10 +236,8 @@ async def test_a_capture_is_opened_from_the_triggers_as_any_file_is(opened, fake
         assert screen.app.context.file_over_logger
         assert screen.session.name == captured.name
         assert [plotted.name for plotted in screen.app.screen.stack.plots] == ["/log/legs/LF/HAA/torque"]
-        await screen.do("events")
-        await screen.until(lambda: screen.app.screen.scope == "file_events", "what happened in the file")
-        await screen.press("escape", "escape")
-        await screen.until(lambda: screen.app.screen.scope == "triggers", "the triggers")
+        await screen.do("events", at="file_events")
+        await screen.press("escape", "escape", at="triggers")
         assert screen.session is live
         await screen.shows("legs/LF/HAA/torque > 3")
 
@@ -287,8 +260,7 @@ async def test_a_capture_that_is_nowhere_any_more_is_told(opened, fake, captured
     captured.unlink()
     fake.trigger_statuses = [msgspec.structs.replace(fake.trigger_statuses[0], fires=18)]
     async with opened(fake) as screen:
-        await screen.do("triggers")
-        await screen.shows("18 fires in 3 captures, the last: ")
+        await screen.do("triggers", shows="18 fires in 3 captures, the last: ")
         await screen.press("enter")
         await screen.until(lambda: "F lists what is there" in " ".join(screen.text.split()), "where it isn't")
         assert screen.app.screen.scope == "triggers"
@@ -304,14 +276,12 @@ async def test_on_the_table_of_a_dead_robot_enter_opens_what_it_left_also_withou
     screen.app.begin_command("open")
     await screen.shows(f"open {left[0].path}"[:60])
     await screen.press("escape")
-    await screen.do("monitor")
-    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+    await screen.do("monitor", at="file")
     await screen.until(lambda: "00006" in screen.text.partition("\n")[0], "its name")
     await screen.press("escape")
     fake.cut()
     await screen.shows("NO LINK")
-    await screen.do("edit")
-    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+    await screen.do("edit", at="file")
 
 
 async def test_a_file_is_named_in_the_folder_where_the_logger_saves(opened, fake, logs, monkeypatch):
@@ -325,8 +295,7 @@ async def test_a_file_is_named_in_the_folder_where_the_logger_saves(opened, fake
 
 
 async def test_on_the_plots_of_a_dead_robot_enter_opens_what_it_left_and_why_is_said_once(screen, fake, logs, ran_s=12):
-    await screen.press("m")
-    await screen.until(lambda: screen.app.screen.scope == "monitor", "the plots")
+    await screen.press("m", at="monitor")
     screen.app.context.hear("saved what was before")
     await screen.shows("saved what was before")
     fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
@@ -349,8 +318,7 @@ async def test_who_comes_later_to_a_dead_robot_opens_it_too(opened, fake, logs, 
     fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
     async with opened(fake) as screen:
         await screen.shows("Enter opens it")
-        await screen.do("edit")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+        await screen.do("edit", at="file")
         await screen.until(lambda: "00006" in screen.text.partition("\n")[0], "its name")
 
 
@@ -361,8 +329,7 @@ async def test_the_banner_names_the_key_that_opens_it_on_the_screen_where_it_sta
     fake.publish(EventKind.CRASHED, fake.reason, files=[])
     await screen.shows("Enter opens it")
     for key, says in (("A", "F lists it"), ("F", "It is in this list")):
-        await screen.press(key)
-        await screen.shows(says)
+        await screen.press(key, shows=says)
         assert "Enter opens it" not in screen.text
 
 
@@ -378,14 +345,11 @@ async def test_over_a_file_the_events_are_those_of_the_file(opened, fake, logs):
     fake.happen("marker", "on the live robot", fake.now_ns)
     marked(logs, "in the file")
     async with opened(fake) as screen:
-        await screen.press("m")
-        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "live plots")
+        await screen.press("m", at="monitor")
         live = screen.app.screen
         await at_recordings(screen)
-        await screen.press("o", "n", "G", "enter")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
-        await screen.do("events")
-        await screen.shows('M "in the file"')
+        await screen.press("o", "n", "G", "enter", at="file")
+        await screen.do("events", shows='M "in the file"')
         assert "on the live robot" not in screen.text
         await screen.press("enter")  # to plots of the file: those of the live robot are of another clock
         await screen.until(lambda: screen.app.screen.scope == "file_monitor", "plots of the file")
@@ -403,15 +367,12 @@ async def test_end_and_home_are_the_same_in_the_events_of_a_file_and_of_a_logger
     async with opened(fake) as screen:
         if on_file:
             await at_recordings(screen)
-            await screen.press("o", "n", "G", "enter")
-            await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
-        await screen.do("events")
-        await screen.shows("1 event" if on_file else "follows")
+            await screen.press("o", "n", "G", "enter", at="file")
+        await screen.do("events", shows="1 event" if on_file else "follows")
         await screen.press("end")
         assert screen.app.screen.lines.highlighted == (0 if on_file else 2)
         await screen.shows("1 event" if on_file else "g follows")
-        await screen.press("home")
-        await screen.shows("1 event" if on_file else "s, follows")
+        await screen.press("home", shows="1 event" if on_file else "s, follows")
         assert not on_file or "follows" not in screen.text, "of what nothing is added to any more"
 
 
@@ -420,12 +381,9 @@ async def test_events_that_are_shown_are_written_to_a_csv_file(opened, fake, tmp
     fake.happen("marker", 'pushed, "hard"', fake.now_ns)
     fake.happen("edited", "3 elements changed", fake.now_ns)
     async with opened(fake) as screen:
-        await screen.do("events", "/", "M", "enter")
-        await screen.shows("/M: 1 of")
-        await screen.press("w")
-        await screen.shows("1 event as filtered")
-        await screen.enter(str(tmp_path / "marks"))
-        await screen.shows("1 event written")
+        await screen.do("events", "/", "M", "enter", shows="/M: 1 of")
+        await screen.press("w", shows="1 event as filtered")
+        await screen.enter(str(tmp_path / "marks"), shows="1 event written")
         with (tmp_path / "marks.csv").open() as file:
             (line,) = csv.DictReader(file)
         assert line["what"] == 'pushed, "hard"'
@@ -440,12 +398,10 @@ async def test_w_fetches_to_a_folder_and_says_where_it_is_and_what_is_saved_mean
     screen, fake, logs, tmp_path
 ):
     await at_recordings(screen)
-    await screen.press("w")
-    await screen.shows("to a folder of this")
+    await screen.press("w", shows="to a folder of this")
     await screen.shows("It lies on this machine already: ")
     screen.app.screen.query_one("Input").value = str(tmp_path / "here")
-    await screen.press("enter")
-    await screen.shows("fetched:")
+    await screen.press("enter", shows="fetched:")
     (file,) = (tmp_path / "here").iterdir()
     assert file.read_bytes() == (logs / file.name).read_bytes()
     write(log_of(), logs, "robot", ["silo"], "robot_20260921_14-00-00_00009", why="saved by bob@lab")
@@ -465,8 +421,7 @@ async def test_a_fetch_shows_how_far_it_is_and_the_keys_go_on(opened, fake, logs
     monkeypatch.setattr(fake, "fetch", fetch)
     async with opened(fake) as screen:
         await at_recordings(screen)
-        await screen.press("w", "enter")
-        await screen.shows("62%")
+        await screen.press("w", "enter", shows="62%")
         await screen.press("j")
         assert screen.app.screen.chosen.stem.endswith("00006")
         go_on.set()
@@ -482,10 +437,8 @@ async def test_a_fetch_that_fails_says_what_is_kept_and_x_asks_with_the_size_and
     monkeypatch.setattr(fake, "fetch", fetch)
     async with opened(fake) as screen:
         await at_recordings(screen)
-        await screen.press("w", "enter")
-        await screen.shows("fetch again to go on")
-        await screen.do("delete_recording")
-        await screen.shows("Delete robot_20260921_14-00-00_00007_fall_3, ")
+        await screen.press("w", "enter", shows="fetch again to go on")
+        await screen.do("delete_recording", shows="Delete robot_20260921_14-00-00_00007_fall_3, ")
         await screen.press("enter")  # the harmless answer has the focus
         assert len(list(logs.glob("*fall*"))) == 1
         await screen.do("delete_recording", "y")
@@ -498,13 +451,11 @@ async def test_a_fetch_that_fails_says_what_is_kept_and_x_asks_with_the_size_and
 async def test_marked_ones_are_deleted_together_and_what_another_logger_wrote_is_not(opened, fake, logs):
     async with opened(fake) as screen:
         await at_recordings(screen)
-        await screen.do("space", "space", "delete_recording")
-        await screen.shows("Delete 2 recordings, ")
+        await screen.do("space", "space", "delete_recording", shows="Delete 2 recordings, ")
         await screen.press("y")
         await screen.until(lambda: [path.name for path in logs.glob("*.silo")] == ["arm_20260921_14-00-00_00003.silo"])
         await screen.until(lambda: [one.own for one in screen.app.screen.all] == [False], "the list without them")
-        await screen.do("G", "delete_recording")
-        await screen.shows("(the logger arm wrote")
+        await screen.do("G", "delete_recording", shows="(the logger arm wrote")
     assert ("delete", "arm_20260921_14-00-00_00003") not in fake.calls
 
 
@@ -512,8 +463,7 @@ async def test_who_may_only_look_may_not_delete(opened, fake, logs):
     fake.may_edit = False
     async with opened(fake) as screen:
         await at_recordings(screen)
-        await screen.do("delete_recording")
-        await screen.shows("user 'bob' may look at anymal/robot, not change it")
+        await screen.do("delete_recording", shows="user 'bob' may look at anymal/robot, not change it")
     assert len(list(logs.glob("*.silo"))) == 3
 
 
@@ -522,10 +472,8 @@ async def test_without_a_link_the_list_stays_and_says_so(screen, fake, logs):
     fake.cut()
     await screen.shows("NO LINK")
     assert lines_with(screen, "trigger fall")
-    await screen.do("delete_recording")
-    await screen.shows("no link to robot")
-    await screen.press("enter")  # it lies on this machine
-    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+    await screen.do("delete_recording", shows="no link to robot")
+    await screen.press("enter", at="file")  # it lies on this machine
 
 
 @pytest.mark.parametrize("keys", [("G",), ("/", "b", "o", "b", "enter")])
@@ -535,8 +483,7 @@ async def test_the_older_ones_come_when_one_goes_there_or_filters(opened, fake, 
         await at_recordings(screen)
         await screen.shows("the newest 2 of 3 saved")
         assert not lines_with(screen, "arm…00003")
-        await screen.press(*keys)
-        await screen.shows("arm…00003")
+        await screen.press(*keys, shows="arm…00003")
 
 
 async def test_what_is_being_written_is_neither_deleted_nor_fetched(opened, fake, logs, monkeypatch):
@@ -550,11 +497,9 @@ async def test_what_is_being_written_is_neither_deleted_nor_fetched(opened, fake
 
     monkeypatch.setattr(fake, "recordings", unfinished)
     async with opened(fake) as screen:
-        await screen.do("recordings")
-        await screen.shows("not finished yet")
+        await screen.do("recordings", shows="not finished yet")
         for key, says in (("x", "nothing to delete here"), ("w", "nothing to fetch here")):
-            await screen.press(key)
-            await screen.shows(says)
+            await screen.press(key, shows=says)
             await screen.press("*", key)
             assert not screen.app.screen.is_modal
             await screen.press("*")
@@ -572,8 +517,7 @@ async def test_while_the_older_ones_are_asked_for_a_filter_says_so(opened, fake,
     async with opened(fake) as screen:
         await at_recordings(screen)
         await screen.press("/")
-        await screen.type("rob")
-        await screen.shows("asking for the older ones")
+        await screen.type("rob", shows="asking for the older ones")
         await screen.press("enter")
         assert "asking for the older ones" in screen.text
         answers.set()
@@ -582,16 +526,12 @@ async def test_while_the_older_ones_are_asked_for_a_filter_says_so(opened, fake,
 
 async def test_two_marked_recordings_are_compared(screen, logs):
     await at_recordings(screen)
-    await screen.do("compare_runs")
-    await screen.shows("two are compared, 1 is marked")
+    await screen.do("compare_runs", shows="two are compared, 1 is marked")
     await screen.do("mark", "mark")
     await screen.until(lambda: " Compare" in screen.text.splitlines()[-1], "what two marks are for")
-    await screen.do("overlay_recording")
-    await screen.shows("one at a time lies over the plots, 2 are marked")
-    await screen.do("compare_runs")
-    await screen.shows("00006, then robot_20260921_14-00-00_00007_fall_3")
-    await screen.press("escape")
-    await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the list")
+    await screen.do("overlay_recording", shows="one at a time lies over the plots, 2 are marked")
+    await screen.do("compare_runs", shows="00006, then robot_20260921_14-00-00_00007_fall_3")
+    await screen.press("escape", at="recordings")
 
 
 async def test_what_cannot_be_fetched_is_not_compared(opened, fake, logs, monkeypatch):
@@ -600,7 +540,6 @@ async def test_what_cannot_be_fetched_is_not_compared(opened, fake, logs, monkey
         await at_recordings(screen)
         for path in logs.glob("*.silo"):
             path.unlink()
-        await screen.do("mark", "mark", "compare_runs")
-        await screen.shows("can't be opened")
+        await screen.do("mark", "mark", "compare_runs", shows="can't be opened")
         await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the list")
         assert screen.app.screen.message._failed

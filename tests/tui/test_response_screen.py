@@ -95,32 +95,25 @@ def excited(fake, monkeypatch):
 
 
 async def test_what_is_excited_is_named_as_the_table_does(excited, screen):
-    await screen.enter(":excite /log/tau chirp 0.2-20Hz amplitude 2 for 30s")
-    await screen.shows("Excite /tau?")
+    await screen.enter(":excite /log/tau chirp 0.2-20Hz amplitude 2 for 30s", shows="Excite /tau?")
 
 
 async def test_after_an_excitation_the_answer_of_a_signal_is_drawn(excited, screen):
     await screen.press("colon")
     await screen.type_or_paste("excite tau chirp 0.2-20Hz amplitude 2 for 30s")
-    await screen.press("enter")
-    await screen.shows("Excite tau?")
-    await screen.press("down", "enter")
-    await screen.shows("it is over, rows 5000 to 20000")
+    await screen.press("enter", shows="Excite tau?")
+    await screen.press("down", "enter", shows="it is over, rows 5000 to 20000")
     line = screen.app.screen.query_one(Input)
     line.value = "nothing"
-    await screen.press("enter")
-    await screen.shows("no signal 'nothing'")
+    await screen.press("enter", shows="no signal 'nothing'")
     line.value = "/log/q"
-    await screen.press("enter")
-    await screen.shows("coherence 1.00")
+    await screen.press("enter", shows="coherence 1.00")
     await screen.shows("frequency [Hz]")
     assert "BODE  " in screen.text
     assert "chirp 0.2 to 20 Hz, amplitude 2, for 30 s" in screen.text
-    await screen.do("response_mode")
-    await screen.shows("rise time")
+    await screen.do("response_mode", shows="rise time")
     assert "STEP  " in screen.text
-    await screen.do("response_mode", "response_again")
-    await screen.shows("coherence 1.00")
+    await screen.do("response_mode", "response_again", shows="coherence 1.00")
     await screen.press("escape")
     await screen.until(lambda: screen.app.context.upper_screen.scope == "table")
 
@@ -133,16 +126,13 @@ async def test_the_command_shows_it_later_and_says_what_is_wrong(excited, screen
     ):
         await screen.press("colon")
         await screen.type_or_paste(line)
-        await screen.press("enter")
-        await screen.shows(words)
+        await screen.press("enter", shows=words)
         await screen.press("escape")
     await screen.press("colon")
     await screen.type_or_paste("bode tau /log/q")
-    await screen.press("enter")
-    await screen.shows("coherence")  # nothing tells of an excitation: of all that is held
+    await screen.press("enter", shows="coherence")  # nothing tells of an excitation: of all that is held
     screen.session.status = replace(screen.session.status, started_ns=1)
-    await screen.do("response_again")
-    await screen.shows("the logger was started anew since")
+    await screen.do("response_again", shows="the logger was started anew since")
 
 
 async def test_of_a_file_it_is_what_the_file_tells(tmp_path, on_file):
@@ -151,13 +141,11 @@ async def test_of_a_file_it_is_what_the_file_tells(tmp_path, on_file):
     async with on_file(path) as screen:
         await screen.press("colon")
         await screen.type_or_paste("bode tau q")
-        await screen.press("enter")
-        await screen.shows("coherence 1.00")
+        await screen.press("enter", shows="coherence 1.00")
         assert "chirp 0.2 to 20 Hz" in screen.text
         await screen.press("colon")
         await screen.type_or_paste("bode tau q 20 20.01")
-        await screen.press("enter")
-        await screen.shows("FROM TO looks at a part of it alone")
+        await screen.press("enter", shows="FROM TO looks at a part of it alone")
         assert "20 to 20.01 s" in screen.text  # not the excitation
         assert "chirp" not in screen.text
         await screen.press("escape", "escape")
@@ -178,10 +166,7 @@ async def test_a_step_is_shown_as_one(excited, opened, monkeypatch):
     async with opened(excited) as screen:
         await screen.press("colon")
         await screen.type_or_paste("excite tau step amplitude 2 for 5s")
-        await screen.press("enter")
-        await screen.shows("Excite tau?")
-        await screen.press("down", "enter")
-        await screen.shows("it is over, rows")
+        await screen.press("enter", shows="Excite tau?")
+        await screen.press("down", "enter", shows="it is over, rows")
         screen.app.screen.query_one(Input).value = "/log/q"
-        await screen.press("enter")
-        await screen.shows("rise time 0.2197 s")
+        await screen.press("enter", shows="rise time 0.2197 s")

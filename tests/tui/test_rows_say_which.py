@@ -38,8 +38,7 @@ def told(screen):
 async def test_each_row_of_the_table_says_which_it_is(robot, opened, sets, asked):
     async with opened(robot.run()) as screen:
         await screen.enter(f"/{asked}")
-        await screen.do(*["columns"] * sets)
-        await screen.shows("/legged_robot ")
+        await screen.do(*["columns"] * sets, shows="/legged_robot ")
         await screen.until(lambda: "LF_HAA" in screen.text, "the first rows")
         shown = told(screen)
         assert len(set(shown)) == len(shown) >= 12
@@ -52,8 +51,7 @@ async def test_each_row_of_the_table_says_which_it_is(robot, opened, sets, asked
 async def test_a_tree_cuts_no_branch_without_a_sign(new_fake, opened):
     branch = "an_assembly_of_which_the_name_has_no_room"
     async with opened(new_fake([scalar(f"/log/{branch}_{side}/value") for side in ("left", "right")])) as screen:
-        await screen.press("o", "n")
-        await screen.shows("▼ an…the_name_has_no_room_left ")
+        await screen.press("o", "n", shows="▼ an…the_name_has_no_room_left ")
         await screen.shows("▼ an…name_has_no_room_right ")
 
 
@@ -63,8 +61,7 @@ async def test_statistics_give_way_to_what_tells_names_apart_and_the_message_say
     legs = [f"{leg}/{joint}" for leg in ("fore", "hind") for joint in ("knee", "ankle")]
     signals = [scalar(f"/log/{leg}/{side}/rate") for leg in legs for side in sides]
     async with opened(new_fake(signals).run(), size=size) as screen:
-        await screen.do("columns")
-        await screen.shows("columns: ")
+        await screen.do("columns", shows="columns: ")
         laid = screen.app.screen.table.laid
         assert laid.names >= laid.told.names.readable > 20
         assert laid.left_out == left_out
@@ -74,19 +71,16 @@ async def test_statistics_give_way_to_what_tells_names_apart_and_the_message_say
 @pytest.mark.parametrize("sets", [0, 1, 2])
 async def test_titles_are_whole_where_no_row_passes_the_filter(robot, opened, sets):
     async with opened(robot.run()) as screen:
-        await screen.do(*["columns"] * sets)
-        await screen.shows("unit")
+        await screen.do(*["columns"] * sets, shows="unit")
         laid = screen.app.screen.table.laid
-        await screen.enter("/edited")
-        await screen.shows("No element passes")
+        await screen.enter("/edited", shows="No element passes")
         empty = screen.app.screen.table.laid
         assert (empty.names, empty.steady, empty.measured) == (laid.names, laid.steady, laid.measured)
 
 
 async def test_folding_a_list_makes_it_a_tree_and_says_which_keys_bring_it_back(robot, opened):
     async with opened(robot.run()) as screen:
-        await screen.press("down", "v", "f")
-        await screen.shows("by name, as a tree; o l brings the list back")
+        await screen.press("down", "v", "f", shows="by name, as a tree; o l brings the list back")
         await screen.press("o", "l")
         await screen.until(lambda: "▼" not in screen.text, "the list")
 
@@ -99,8 +93,7 @@ async def test_alarms_and_triggers_say_of_which_motor_they_are(robot, opened):
         for name in WINDINGS
     ]
     async with opened(robot.run()) as screen:
-        await screen.do("alarms")
-        await screen.shows(" /legged_robot ")
+        await screen.do("alarms", shows=" /legged_robot ")
         for joint in ("LF_HAA", "RH_KFE"):
             await screen.shows(f"…/{joint}/…temperature ")
         await screen.do("back", "triggers")

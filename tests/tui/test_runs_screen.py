@@ -58,8 +58,7 @@ async def test_a_recording_of_several_files_is_one_run_and_opens_whole(fake, ope
         await screen.press(":", *f"runs {tmp_path}", "enter")
         await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 1)
         await screen.shows("2 parts")
-        await screen.press("enter")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
+        await screen.press("enter", at="file")
         of = screen.app.screen.session.source
         assert [of.readings(["/log/n"], int(at))["/log/n"].newest[0] for at in of.time_ns] == list(range(20))
 
@@ -80,8 +79,7 @@ async def test_while_a_folder_is_read_it_says_how_far_that_is(fake, opened, fold
     monkeypatch.setattr(runs_screen, "runs", slowly)
     async with opened(fake) as screen:
         try:
-            await screen.press(":", *f"runs {folder}", "enter")
-            await screen.shows("2 of 9 new files")
+            await screen.press(":", *f"runs {folder}", "enter", shows="2 of 9 new files")
             await screen.shows("each is read once")
         finally:
             go_on.set()
@@ -97,36 +95,29 @@ async def test_runs_are_listed_narrowed_by_what_was_measured_opened_and_two_that
     await screen.press("escape")
     await screen.press("/", *"gait0", "enter")
     await screen.until(lambda: [one.name for one in screen.app.screen.shown] == ["run0"])
-    await screen.press("enter")
-    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
+    await screen.press("enter", at="file")
     await screen.press("escape")
     await screen.until(lambda: isinstance(screen.app.screen, RunsScreen))
     await on_runs(screen, folder)
     assert sum(isinstance(one, RunsScreen) for one in screen.app.screen_stack) == 1
-    await screen.do("compare_runs")
-    await screen.shows("two are compared, 1 is marked")
+    await screen.do("compare_runs", shows="two are compared, 1 is marked")
     await screen.do("mark", "mark")
     await screen.until(lambda: " Compare" in screen.text.splitlines()[-1], "what two marks are for")
-    await screen.do("compare_runs")
-    await screen.shows("run1, then run2")
+    await screen.do("compare_runs", shows="run1, then run2")
     await screen.shows("1 entry differs")
     assert "/tau" in screen.text and "/log/tau" not in screen.text
     assert "mean" not in screen.text.splitlines()[1]
     await screen.pilot.resize_terminal(120, 30)
     await screen.until(lambda: "mean" in screen.text.splitlines()[1], "the columns for which there is room now")
-    await screen.press("enter")
-    await screen.until(lambda: screen.app.screen.scope == "file_monitor", "the signal of both")
+    await screen.press("enter", at="file_monitor")
     assert [[one.name for one in panel] for panel in screen.app.screen.stack.panels] == [
         ["/log/tau/run1", "/log/tau/run2"]
     ]
     await screen.until(lambda: "Its table" in (screen.text.splitlines() or [""])[-1], "the way to the file")
-    await screen.press("escape")
-    await screen.until(lambda: screen.app.screen.scope == "comparison")
+    await screen.press("escape", at="comparison")
     await screen.press("slash")
-    await screen.enter("nothing")
-    await screen.shows("No line has 'nothing'")
-    await screen.press("escape", "escape")
-    await screen.until(lambda: screen.app.screen.scope == "runs")
+    await screen.enter("nothing", shows="No line has 'nothing'")
+    await screen.press("escape", "escape", at="runs")
 
 
 async def test_without_a_logger_runs_are_listed_and_opened_too(new_finder, screen_of, folder, monkeypatch):
@@ -135,34 +126,28 @@ async def test_without_a_logger_runs_are_listed_and_opened_too(new_finder, scree
         await screen.shows("No logger is running")
         await screen.do("runs")
         await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 3)
-        await screen.press("enter")
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
+        await screen.press("enter", at="file")
         await screen.press("escape")
         await screen.until(lambda: isinstance(screen.app.screen, RunsScreen))
-        await screen.press("escape")
-        await screen.shows("No logger is running")
+        await screen.press("escape", shows="No logger is running")
 
 
 async def test_marked_runs_lie_over_each_other_and_a_statistic_is_a_column_and_an_order(screen, folder):
     await on_runs(screen, folder)
-    await screen.do("overlay_runs")
-    await screen.shows("two or more lie over each other")
+    await screen.do("overlay_runs", shows="two or more lie over each other")
     await screen.do("*", "overlay_runs")
-    await screen.enter("push")
-    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
+    await screen.enter("push", at="file")
     assert list(screen.app.screen.file.table.names) == [f"/log/tau/run{number}" for number in range(3)]
     await screen.do("back")
     await screen.until(lambda: isinstance(screen.app.screen, RunsScreen))
     await screen.until(lambda: "reading 3 runs" not in screen.text, "no word of what is over")
     await screen.do("runs_column")
-    await screen.enter("max(tau)")
-    await screen.shows("max(tau)")
+    await screen.enter("max(tau)", shows="max(tau)")
     assert list(screen.app.screen.values["max(tau)"].values()) == [3.0, 6.0, 9.0]
     await screen.press("o", "v", "o", "v")
     await screen.until(lambda: [one.name for one in screen.app.screen.shown] == ["run0", "run1", "run2"])
     await screen.do("runs_column")
-    await screen.enter("max(nothing)")
-    await screen.shows("no run has 'nothing'")
+    await screen.enter("max(nothing)", shows="no run has 'nothing'")
 
 
 async def test_while_runs_that_are_to_lie_over_each_other_are_read_that_is_said_and_esc_keeps_the_marks(
@@ -173,10 +158,8 @@ async def test_while_runs_that_are_to_lie_over_each_other_are_read_that_is_said_
     async with opened(fake) as screen:
         await on_runs(screen, folder)
         await screen.do("*", "overlay_runs")
-        await screen.enter("push")
-        await screen.shows("reading 3 runs")
-        await screen.do("back")
-        await screen.shows("given up")
+        await screen.enter("push", shows="reading 3 runs")
+        await screen.do("back", shows="given up")
         reads.set()
         assert len(screen.app.screen.marks.keys) == 3
         await screen.do("back")
@@ -197,8 +180,7 @@ async def test_what_differs_is_plotted_at_the_moment_of_the_largest_difference(f
             return push(one, *given, **named)
 
         screen.app.push_screen = pushes
-        await screen.press("enter")
-        await screen.until(lambda: screen.app.screen.scope == "file_monitor", "the signal of both")
+        await screen.press("enter", at="file_monitor")
         assert pushed[1:] == [("file", True), ("file_monitor", True)], "nobody sees the table below it first"
         await screen.until(lambda: screen.app.screen.window.at_ns == 1_250_000_000, "the moment")
 
@@ -223,10 +205,8 @@ async def test_both_names_and_what_was_not_compared_have_room_on_a_small_screen(
         await screen.shows("…00000_torque_slip_0, then …00001_torque_slip_1")
         await screen.shows(" … (g m)")
         assert "for reason 11" not in screen.text
-        await screen.do("messages")
-        await screen.shows("1 entry differs, 0 are alike, 12 signals not compared")
-        await screen.press("j")
-        await screen.shows("not compared: for reason 0 long")
+        await screen.do("messages", shows="1 entry differs, 0 are alike, 12 signals not compared")
+        await screen.press("j", shows="not compared: for reason 0 long")
 
 
 async def test_the_largest_difference_at_the_very_end_is_plotted_and_one_of_a_derived_signal_has_no_samples(
@@ -239,19 +219,16 @@ async def test_the_largest_difference_at_the_very_end_is_plotted_and_one_of_a_de
             there = replace(found, rows=tuple(replace(one, at_s=at_s) for one in found.rows))
             screen.app.push_screen(ComparisonScreen(logs, there))
             await screen.shows("/tau")
-            await screen.press("enter")
-            await screen.until(lambda: screen.app.screen.scope == "file_monitor", "the signal of both")
+            await screen.press("enter", at="file_monitor")
             await screen.until(
                 lambda end=end: screen.app.screen.window.at_ns == screen.app.screen.held_ns[end], "its end"
             )
             assert screen.app.screen.gone_words("4 s") == "4 s: not in this file, which goes from 0.000 s to 3.000 s"
-            await screen.press("escape", "escape")
-            await screen.until(lambda: screen.app.screen.scope == "table", "the table")
+            await screen.press("escape", "escape", at="table")
         (one,) = found.rows
         screen.app.push_screen(ComparisonScreen(logs, replace(found, rows=(replace(one, name="/log/double"),))))
         await screen.shows("/double")
-        await screen.press("enter")
-        await screen.shows("/double is derived, and stands in no file")
+        await screen.press("enter", shows="/double is derived, and stands in no file")
 
 
 @pytest.mark.parametrize(
@@ -296,16 +273,13 @@ def test_together_stand_the_moments_that_are_alike():
 
 async def test_from_a_file_over_a_logger_the_list_of_runs_leads_back_to_the_logger(screen, folder):
     await on_runs(screen, folder)
-    await screen.press("enter")
-    await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
-    await screen.press("m")
-    await screen.until(lambda: screen.app.screen.scope == "file_monitor")
+    await screen.press("enter", at="file")
+    await screen.press("m", at="file_monitor")
     await screen.enter(f":runs {folder}")
     await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 3)
     assert sum(isinstance(one, RunsScreen | FileTableScreen) for one in screen.app.screen_stack) == 1
     assert not screen.app.context.file_over_logger
-    await screen.press("escape")
-    await screen.until(lambda: screen.app.screen.scope == "table")
+    await screen.press("escape", at="table")
 
 
 def test_runs_whose_samples_have_no_time_in_common_say_which_they_have():
@@ -339,8 +313,7 @@ async def test_marks_of_a_list_are_taken_back_by_the_menu_and_runs_of_another_fo
         await screen.shows("No logger is running")
         await screen.do("runs")
         await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 3)
-        await screen.press("*")
-        await screen.shows("3 marked")
+        await screen.press("*", shows="3 marked")
         await screen.do("unmark")
         await screen.until(lambda: "3 marked" not in screen.text)
         recorded_in_two(tmp_path / "else")
@@ -378,14 +351,12 @@ async def test_a_recording_of_a_run_that_was_saved_is_named_beside_it(fake, open
         await screen.press(":", *f"runs {tmp_path}", "enter")
         await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 1)
         assert screen.app.screen.shown[0].said == "1 more file in walks"
-        await screen.press("/", *"walks/", "enter")
-        await screen.shows("/walks/: 1 of 1")
+        await screen.press("/", *"walks/", "enter", shows="/walks/: 1 of 1")
 
 
 async def test_a_folder_without_runs_says_what_to_do(screen, tmp_path):
     (tmp_path / "none").mkdir()
-    await screen.press(":", *f"runs {tmp_path / 'none'}", "enter")
-    await screen.shows("There is no run in")
+    await screen.press(":", *f"runs {tmp_path / 'none'}", "enter", shows="There is no run in")
     assert silo.runs(tmp_path / "none").values("lost") == []
 
 

@@ -81,8 +81,7 @@ async def open_scope(screen, fake):
     """The torque has one sample of 40 at 4, 8, ... s."""
     await screen.enter("/LF/HAA/torque", "m")
     await screen.curves()
-    await screen.do("catch")
-    await screen.shows("SCOPE normal")
+    await screen.do("catch", shows="SCOPE normal")
     return screen.app.screen
 
 
@@ -116,15 +115,13 @@ class TestScreen:
 
     async def test_single_catches_once_until_space_arms_it_again(self, fake, screen, ran_s=21):
         scope = await open_scope(screen, fake)
-        await screen.do("scope_mode")
-        await screen.shows("SCOPE single")
+        await screen.do("scope_mode", shows="SCOPE single")
         await run_to(screen, fake, 25)
         await screen.shows("CAUGHT")
         await run_to(screen, fake, 29)
         await screen.shows("space arms it again")
         assert scope.caught == 1
-        await screen.press("space")
-        await screen.shows("ARMED")
+        await screen.press("space", shows="ARMED")
         await run_to(screen, fake, 33)
         await screen.until(lambda: scope.caught == 2, "one more")
 
@@ -144,8 +141,7 @@ class TestScreen:
         await screen.until(lambda: screen.app.screen is not scope, "the line")
         line = screen.app.screen.query_one("Input")
         line.value = "falling 3 pre 10 auto"
-        await screen.press("enter")
-        await screen.shows("↓ falling through 3   pre 10%")
+        await screen.press("enter", shows="↓ falling through 3   pre 10%")
         await screen.press("escape")
         await screen.until(lambda: screen.app.screen is not scope, "the monitor")
 

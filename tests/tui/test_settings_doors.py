@@ -216,8 +216,7 @@ async def test_the_editor_of_the_screen_speaks_as_the_program_does(fake, opened)
             view.table.field = Field[find_option(field).name.upper()]
             await screen.do("edit_all")
             screen.app.screen.query_one(CellEditor).value = halves(word)[1]
-            await screen.press("enter")
-            await screen.shows(reason[:100])
+            await screen.press("enter", shows=reason[:100])
             await screen.press("escape")
             assert options_of(table.values[:, row]) == START, word
 

@@ -42,8 +42,7 @@ async def test_a_theme_shows_at_once_and_w_keeps_it(steps, screen):
     assert screen.app.theme == "silo-light"
     assert line_with(screen, "theme").startswith(">*theme")
     assert read_file() == (Settings(), [])
-    await screen.press("w")
-    await screen.shows("written")
+    await screen.press("w", shows="written")
     assert read_file() == (Settings(theme="light"), [])
     assert not line_with(screen, "theme").startswith(">*theme")
     await screen.press("x", "f2")
@@ -54,15 +53,12 @@ async def test_a_theme_shows_at_once_and_w_keeps_it(steps, screen):
 @pytest.mark.parametrize(("answer", "kept"), [("w", "light"), ("enter", "light"), ("D", "dark")])
 async def test_who_quits_is_asked_once_whether_settings_that_were_changed_are_kept(fake, opened, answer, kept):
     async with opened(fake) as screen:
-        await screen.press("colon", *"theme", "space", *"light", "enter", "q")
-        await screen.shows("Keep the settings?")
+        await screen.press("colon", *"theme", "space", *"light", "enter", "q", shows="Keep the settings?")
         await screen.shows("Changed: theme. The file: ")
-        await screen.press("escape")
-        await screen.shows("Don't quit: nothing was done")
+        await screen.press("escape", shows="Don't quit: nothing was done")
         assert screen.app.is_running
         assert read_file() == (Settings(), [])
-        await screen.press("q")
-        await screen.shows("Changed: theme. The file: ")
+        await screen.press("q", shows="Changed: theme. The file: ")
         await screen.press(answer)
         await screen.until(lambda: not screen.app.is_running)
     assert read_file() == (Settings(theme=kept), [])
@@ -95,11 +91,8 @@ async def test_every_option_can_be_changed_and_goes_back_to_its_default(screen):
 
 async def test_columns_are_chosen_and_the_table_follows(screen):
     assert " buf " in screen.text
-    await screen.press("f2", *["j"] * (len(OPTIONS) - 1))
-    await screen.shows("[x] unit  [x] on  [x] div")
-    await screen.press("right")
-    await screen.shows("columns: Enter takes it")
-    await screen.shows("e.g. unit on div; nothing: all")
+    await screen.press("f2", *["j"] * (len(OPTIONS) - 1), shows="[x] unit  [x] on  [x] div")
+    await screen.press("right", shows="columns: Enter takes it", shows="e.g. unit on div; nothing: all")
     await screen.enter("size div", "escape")
     await screen.until(lambda: " buf " not in screen.text)
     assert " div " in screen.text
@@ -107,8 +100,7 @@ async def test_columns_are_chosen_and_the_table_follows(screen):
 
 async def test_what_cant_be_is_told_in_the_words_of_the_file_and_a_slower_rate_asks_for_fewer_frames(screen):
     await screen.press("f2", "j", "j", "j", "e", "ctrl+u")
-    await screen.enter("99")
-    await screen.shows("rate is 0.5 to 10, not 99; nothing was changed")
+    await screen.enter("99", shows="rate is 0.5 to 10, not 99; nothing was changed")
     assert screen.app.context.settings == Settings()
     await screen.press("e", "ctrl+u")
     await screen.enter("1")
@@ -128,26 +120,20 @@ def test_each_key_that_is_offered_as_free_can_be_taken(keymap, command):
 
 
 async def test_escape_leaves_a_key_as_it_was_and_it_is_changed_by_pressing_it(screen):
-    await screen.press("f2", "G", "e")
-    await screen.shows("Press the key of")
+    await screen.press("f2", "G", "e", shows="Press the key of")
     await screen.press("escape")
     await screen.until(lambda: not screen.app.screen.is_modal)
     assert screen.app.context.settings == Settings()
     await screen.press("escape", "f2", "slash")
-    await screen.enter("key filter", "e")
-    await screen.shows("Press the key of filter (Filter)")
-    await screen.shows("now /; free: ")
+    await screen.enter("key filter", "e", shows="Press the key of filter (Filter)", shows="now /; free: ")
     free = screen.text.partition("free: ")[2].partition("│")[0].split()
     assert "f" in free and not {"e", "j", "q"} & set(free)
-    await screen.press("e")
-    await screen.shows("e is edit (Edit) already (table)")
-    await screen.press("f")
-    await screen.shows("(yours; / no longer)")
+    await screen.press("e", shows="e is edit (Edit) already (table)")
+    await screen.press("f", shows="(yours; / no longer)")
     await screen.press("e", "slash")
     await screen.until(lambda: "yours" not in screen.text, "what it has without a file is nobody's own")
     assert screen.app.context.settings == Settings()
-    await screen.press("e", "f")
-    await screen.shows("(yours; / no longer)")
+    await screen.press("e", "f", shows="(yours; / no longer)")
     await screen.press("w", "escape", "escape")
     assert read_file()[0].keys == {"filter": "f"}
     await screen.until(lambda: "f Filter" in screen.text)
@@ -163,8 +149,7 @@ async def test_the_app_starts_over_a_file_with_mistakes_and_says_so(fake, opened
         await screen.shows("tui.yaml line 1: 'colums' is unknown; did you mean 'columns'? Left out (1")
         await screen.shows("more: F2)")
         assert screen.app.theme == "silo-light"
-        await screen.press("f2")
-        await screen.shows("! tui.yaml line 3: rate is 0.5 to 10, not 77")
+        await screen.press("f2", shows="! tui.yaml line 3: rate is 0.5 to 10, not 77")
 
 
 async def test_changed_keys_stand_in_bar_help_and_palette(fake, opened):
@@ -173,18 +158,15 @@ async def test_changed_keys_stand_in_bar_help_and_palette(fake, opened):
         bar = line_with(screen, "q Quit")
         assert "F10 Filter" in bar
         assert bar.rstrip().endswith("F9 Help  q Quit")
-        await screen.press("ctrl+p")
-        await screen.shows("Filter  (F10)")
-        await screen.press("escape", "f9")
-        await screen.shows("F10")
+        await screen.press("ctrl+p", shows="Filter  (F10)")
+        await screen.press("escape", "f9", shows="F10")
 
 
 async def test_a_file_that_cant_be_written_is_told_and_nothing_is_lost(fake, opened, home):
     home.mkdir()
     path().mkdir()
     async with opened(fake, size=(160, 50)) as screen:
-        await screen.press("f2", "l", "w")
-        await screen.shows("nothing was changed")
+        await screen.press("f2", "l", "w", shows="nothing was changed")
         assert line_with(screen, "theme").startswith(">*theme")
 
 
@@ -193,10 +175,8 @@ async def test_settings_are_there_before_a_logger_is(new_finder, screen_of):
 
     async with screen_of(SiloApp(new_finder())) as screen:
         await screen.shows("No logger is running")
-        await screen.press("f2")
-        await screen.shows("silo settings")
-        await screen.press("escape")
-        await screen.shows("No logger is running")
+        await screen.press("f2", shows="silo settings")
+        await screen.press("escape", shows="No logger is running")
 
 
 SIZES = [(80, 24), (60, 20), (160, 50)]
@@ -223,8 +203,7 @@ async def test_the_key_bar_shows_what_counts_in_a_mode(screen, ran_s=12):
 
 
 async def test_above_a_dialog_the_bar_shows_the_keys_of_the_dialog(screen):
-    await screen.press("t", "q")
-    await screen.shows("Quit without applying?")
+    await screen.press("t", "q", shows="Quit without applying?")
     await screen.until(lambda: screen.text.split("\n")[-1].startswith(" Enter "))
     first = screen.text.split("\n")[-1]
     await screen.press("j")
@@ -307,10 +286,8 @@ def test_rows_of_keys_that_do_the_same_say_on_which_screens_they_count():
 
 
 async def test_enter_after_an_arrow_keeps_what_the_arrow_chose(screen):
-    await screen.press("f2")
-    await screen.until(lambda: screen.app.screen.scope == "settings", "settings")
-    await screen.press("right", "enter")
-    await screen.shows("theme is light already; ")
+    await screen.press("f2", at="settings")
+    await screen.press("right", "enter", shows="theme is light already; ")
     await screen.press("enter")
     assert screen.app.context.settings.theme == "light"
     await screen.press("down", "up", "enter")

@@ -15,7 +15,6 @@ from silo.programs.demo.signals import signals
 from silo_tui.gate import Holding
 from silo_tui.model.plots.panels import isolate
 from silo_tui.model.table.fields import Field
-from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.screens.plots.monitor import MonitorScreen
 from tests.stand_ins.fake_signals import scalar
 
@@ -173,8 +172,7 @@ async def test_12_what_was_just_saved_is_opened(fake, opened, tmp_path):
             await free(screen)
             await screen.press(NAMES.get(key, key))
         await screen.shows("o Opens it")
-        await screen.press(keys[-1][0])
-        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+        await screen.press(keys[-1][0], at="file")
 
 
 async def test_13_another_logger_is_opened(new_fake, opened):
@@ -184,8 +182,7 @@ async def test_13_another_logger_is_opened(new_fake, opened):
         await screen.until(lambda: screen.app.context.has_session and screen.session.connected, "the first one")
         await screen.until(lambda: not screen.app.context._flow_running, "all of it: another is opened then")
         keys = TASKS[13][0]
-        await screen.press(*(key for key, _ in keys[:2]))
-        await screen.shows("legs")
+        await screen.press(*(key for key, _ in keys[:2]), shows="legs")
         for key, _ in keys[2:]:
             await screen.press(NAMES.get(key, key))
         await screen.until(lambda: screen.app.context.has_session and screen.session.name == "legs", "the other one")

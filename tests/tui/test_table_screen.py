@@ -35,15 +35,12 @@ async def test_how_far_a_logger_with_a_journal_is_durable_stands_in_the_header_a
 
 async def test_the_value_of_a_full_buffer_is_its_last_one_and_says_so(screen, ran_s=20, size=(180, 40)):
     await screen.press("slash")
-    await screen.enter("LF/HAA/current")
-    await screen.shows("│ buffer full: this is its last sample")
+    await screen.enter("LF/HAA/current", shows="│ buffer full: this is its last sample")
 
 
 async def test_the_filter_works_while_it_is_typed_says_what_its_terms_may_be_and_replaces_another(screen):
-    await screen.press("slash")
-    await screen.shows("changed<1s   marked pending")
-    await screen.type("torque LF")
-    await screen.shows("3 of 72")
+    await screen.press("slash", shows="changed<1s   marked pending")
+    await screen.type("torque LF", shows="3 of 72")
     assert "changed<1s" not in screen.text
     await screen.press("escape")
     assert len(screen.session.rows.shown) == 72
@@ -52,10 +49,8 @@ async def test_the_filter_works_while_it_is_typed_says_what_its_terms_may_be_and
     assert screen.session.rows.filter.text == "unit:Nm"
     await screen.type(" LF")
     await screen.until(lambda: len(screen.session.rows.shown) == 3)
-    await screen.press("enter")
-    await screen.shows("3 of 72")
-    await screen.press("slash")
-    await screen.shows("Type anew, → adds to it")
+    await screen.press("enter", shows="3 of 72")
+    await screen.press("slash", shows="Type anew, → adds to it")
     await screen.type("LH")
     assert "Type anew" not in screen.text, "which was done"
     assert "Enter keeps the filter" in screen.text
@@ -80,8 +75,7 @@ async def test_t_switches_logging_off_as_a_pending_edit_space_marks_and_quit_ask
     await screen.press("space", "space")
     assert (screen.session.rows.marked_count, screen.session.rows.position) == (2, 2)
     await screen.shows("2 marked")
-    await screen.press("q")
-    await screen.shows("Quit without applying?")
+    await screen.press("q", shows="Quit without applying?")
     await screen.press("escape", "u", "q")
     await screen.until(lambda: screen.app._exit)
 
@@ -95,20 +89,16 @@ async def test_a_number_is_edited_in_place_for_all_marked_and_tab_leaves_no_edit
 
 
 async def test_enter_lets_a_value_of_the_field_under_the_cursor_be_chosen(screen):
-    await screen.do("l", "l", "edit")
-    await screen.shows("now save and publish")
+    await screen.do("l", "l", "edit", shows="now save and publish")
     await screen.press("p")
     assert screen.value(FIRST, Field.ACTION) == "publish"
 
 
 async def test_the_field_that_is_chosen_is_told_in_words_with_its_value_and_the_key_that_edits_it(screen):
     """On the line of a name space there is no cell to be seen, and without colours none anywhere."""
-    await screen.press("right")
-    await screen.shows("divider: 1; e edits it")
-    await screen.press("o", "n", "right")
-    await screen.shows("action: save and publish; e edits it")
-    await screen.do("asterisk", "right")
-    await screen.shows("buffer: looping, fixed, growing; e edits it")
+    await screen.press("right", shows="divider: 1; e edits it")
+    await screen.press("o", "n", "right", shows="action: save and publish; e edits it")
+    await screen.do("asterisk", "right", shows="buffer: looping, fixed, growing; e edits it")
 
 
 async def test_undo_redo_and_an_edit_to_what_is_so_already(screen):
@@ -117,15 +107,12 @@ async def test_undo_redo_and_an_edit_to_what_is_so_already(screen):
     await screen.press("ctrl+r")
     assert screen.session.table.pending_count == (72, 72)
     screen.session.table.note_applied(())  # all steps are done with
-    await screen.press("u")
-    await screen.shows("nothing to undo; x drops what is pending")
+    await screen.press("u", shows="nothing to undo; x drops what is pending")
     await screen.press("escape", "escape")
     value = screen.value(FIRST, Field.DIVIDER)
     await screen.press("d")
-    await screen.enter(value)
-    await screen.shows(f"divider is {value} already")
-    await screen.enter(f":set div={value}")
-    await screen.shows("that is so already")
+    await screen.enter(value, shows=f"divider is {value} already")
+    await screen.enter(f":set div={value}", shows="that is so already")
 
 
 async def test_apply_shows_the_difference_sends_one_transaction_and_tells_of_buffers_of_gigabytes(
@@ -137,8 +124,7 @@ async def test_apply_shows_the_difference_sends_one_transaction_and_tells_of_buf
         fake, "apply", lambda *edits, **cut: msgspec.structs.replace(apply(*edits, **cut), warnings=[large])
     )
     async with opened(fake) as screen:
-        await screen.do("space", "space", "edit_divider", "5", "enter", "a")
-        await screen.shows("1 → 5")
+        await screen.do("space", "space", "edit_divider", "5", "enter", "a", shows="1 → 5")
         await screen.press("enter")
         await screen.until(lambda: fake.calls)
         assert [(call[0], len(call[1])) for call in fake.calls] == [("apply", 2)]
@@ -158,19 +144,14 @@ async def test_the_editor_lies_over_a_row_that_is_edited(screen):
 
 
 async def test_a_running_logger_goes_on_and_is_stopped_and_started_only_when_that_was_chosen(fake, screen, ran_s=12):
-    await screen.do("toggle", "a")
-    await screen.shows("stop, apply, start again")
-    await screen.press("j", "enter")
-    await screen.shows("Apply 1 edit to 1 element? Keep them pending: nothing was done")
+    await screen.do("toggle", "a", shows="stop, apply, start again")
+    await screen.press("j", "enter", shows="Apply 1 edit to 1 element? Keep them pending: nothing was done")
     assert fake.calls == []
     assert screen.session.table.pending_count == (1, 1)
-    await screen.press("a")
-    await screen.shows("stop, apply, start again")
-    await screen.press("D")
-    await screen.shows("logging again")
+    await screen.press("a", shows="stop, apply, start again")
+    await screen.press("D", shows="logging again")
     assert [call[0] for call in fake.calls] == ["stop", "apply", "start"]
-    await screen.do("toggle", "a", "enter")
-    await screen.shows("it goes on")
+    await screen.do("toggle", "a", "enter", shows="it goes on")
     assert [call[0] for call in fake.calls[3:]] == ["cut"]
 
 
@@ -178,21 +159,18 @@ async def test_somebody_elses_edit_of_the_same_field_is_a_conflict_and_never_ove
     await screen.do("edit_divider", "5", "enter")
     fake.somebody_edits(FIRST, divider=3)
     await screen.shows("! 1 conflict")
-    await screen.press("a")
-    await screen.shows("was 1, theirs 3, yours 5")
+    await screen.press("a", shows="was 1, theirs 3, yours 5")
     line = next(line for line in screen.text.splitlines() if "was 1, theirs 3" in line)
     above = screen.text.splitlines()[screen.text.splitlines().index(line) - 1]
     assert " /base/orientation " in above, "which signal"
     await screen.press("t")
     await screen.until(lambda: screen.session.table.pending_count == (0, 0))
     assert screen.value(FIRST, Field.DIVIDER) == "3"
-    await screen.do("edit_divider", "5", "enter", "a")
-    await screen.shows("3 → 5")
+    await screen.do("edit_divider", "5", "enter", "a", shows="3 → 5")
     fake.connected = False  # the news of it doesn't reach us
     fake.somebody_edits(FIRST, divider=4)
     fake.connected = True
-    await screen.press("enter")
-    await screen.shows("was 3, theirs 4, yours 5")
+    await screen.press("enter", shows="was 3, theirs 4, yours 5")
     assert fake.info(FIRST).options.divider == 4
 
 
@@ -221,8 +199,7 @@ async def test_a_dead_robot_is_told_with_where_the_data_is(fake, screen, ran_s=1
 
 async def test_the_head_goes_on_where_no_row_passes_the_filter(fake, screen, ran_s=12):
     await screen.shows("● RUNNING")
-    await screen.enter("/zzz")
-    await screen.shows("0 of 72")
+    await screen.enter("/zzz", shows="0 of 72")
     for _ in range(2):
         fake.advance(2.0)
         await screen.until(lambda: screen.session.frame_time_ns == fake.now_ns, "what came since")
@@ -232,14 +209,11 @@ async def test_start_needs_no_question_and_stop_does(fake, screen):
     await screen.press("S")
     await screen.until(lambda: fake.calls == [("start",)])
     await screen.shows("● RUNNING")
-    await screen.press("S")
-    await screen.shows("Stop logging?")
+    await screen.press("S", shows="Stop logging?")
     await screen.press("enter")  # No
     assert fake.calls == [("start",)]
-    await screen.press("S")
-    await screen.shows("Stop logging?")
-    await screen.press("y")
-    await screen.shows("■ STOPPED")
+    await screen.press("S", shows="Stop logging?")
+    await screen.press("y", shows="■ STOPPED")
 
 
 async def test_read_only_stands_in_the_head_and_refuses_what_changes_the_logger(
@@ -320,11 +294,9 @@ async def test_keys_that_come_all_at_once_keep_their_order(screen):
 
 async def test_several_fields_are_set_by_words_in_one_line(screen):
     assert not screen.app.screen.value_now("edit_all")  # what the menu tells as the present value
-    await screen.do("edit_all")
-    await screen.shows("or words: div=5 size=10s buf=loop")
+    await screen.do("edit_all", shows="or words: div=5 size=10s buf=loop")
     await screen.type("div=5 size=10s bfu=grow")
-    await screen.press("enter")
-    await screen.shows("bfu")
+    await screen.press("enter", shows="bfu")
     await screen.press(*["left"] * 5, "backspace", "backspace", "u", "f", "enter")
     await screen.until(lambda: screen.session.table.pending_count == (3, 1), "the edits")
     await screen.shows("by words: 3 changed")
@@ -332,8 +304,7 @@ async def test_several_fields_are_set_by_words_in_one_line(screen):
 
 
 async def test_a_term_that_can_t_be_read_is_underlined_and_one_that_leaves_nothing_is_named(screen):
-    await screen.type("/torque div>x LF")
-    await screen.shows("torque div>x LF")
+    await screen.type("/torque div>x LF", shows="torque div>x LF")
     await screen.shows("3 of 72")
 
     def is_over_its_word():  # once what is said has as many lines as it needs
@@ -344,11 +315,9 @@ async def test_a_term_that_can_t_be_read_is_underlined_and_one_that_leaves_nothi
     await screen.until(is_over_its_word, "the term underlined")
     assert len(screen.session.rows.shown) == 3
     await screen.press("escape")
-    await screen.type("/torque LF unit:V")
-    await screen.shows("0 of 72; without unit:V: 3")
+    await screen.type("/torque LF unit:V", shows="0 of 72; without unit:V: 3")
     await screen.press("escape")
-    await screen.type("/torque$")
-    await screen.shows("torque$ is no glob; *torque is one, ~torque$ a regular expression")
+    await screen.type("/torque$", shows="torque$ is no glob; *torque is one, ~torque$ a regular expression")
     for typed, says in (
         ("left hip torque", "nothing has left or hip; did you mean 'LF'?"),
         ("LF torqe", "; did you mean 'torque'?"),
@@ -358,8 +327,7 @@ async def test_a_term_that_can_t_be_read_is_underlined_and_one_that_leaves_nothi
         ("LF\\d", "LF\\d has signs of a regular expression, which begins with ~"),
     ):
         await screen.press("escape")
-        await screen.type(f"/{typed}")
-        await screen.shows(says)
+        await screen.type(f"/{typed}", shows=says)
 
 
 async def test_the_namespace_of_what_is_shown_stands_once_in_the_head(new_fake, opened):
@@ -367,8 +335,7 @@ async def test_the_namespace_of_what_is_shown_stands_once_in_the_head(new_fake, 
     async with opened(new_fake([*map(scalar, names), scalar("/log/battery/voltage")])) as screen:
         await screen.shows("…/LF/KFE/win…temperature")  # a joint is never left out
         assert "name in" not in screen.text
-        await screen.press("/", *"winding", "enter")
-        await screen.shows("name in /legs ")
+        await screen.press("/", *"winding", "enter", shows="name in /legs ")
         await screen.shows("RH/KFE/windi…temperature")
         assert "/legs/" not in screen.text
 
@@ -376,8 +343,7 @@ async def test_the_namespace_of_what_is_shown_stands_once_in_the_head(new_fake, 
 async def test_what_all_that_is_shown_share_stands_in_the_head_where_names_would_fit_too(new_fake, opened):
     async with opened(new_fake([scalar(f"/log/{name}") for name in ("joints/q", "joints/dq", "time")])) as screen:
         await screen.shows("/joints/dq ")
-        await screen.press("/", *"joints", "enter")
-        await screen.shows("name in /joints ")
+        await screen.press("/", *"joints", "enter", shows="name in /joints ")
         await screen.shows(">dq ")
         assert "/joints/" not in screen.text
 
@@ -389,8 +355,7 @@ async def test_what_was_said_long_before_is_gone_where_one_comes_back(screen, mo
         screen.app.screen.action_command("events")
         await screen.until(lambda: screen.app.screen.scope == "events", "the events")
         monkeypatch.setattr("silo_tui.widgets.messages.READ_S", read_s)
-        await screen.press("escape")
-        await screen.until(lambda: screen.app.screen.scope == "table", "the table")
+        await screen.press("escape", at="table")
         await screen.until(lambda stays=stays: ("limits of x are set" in screen.text) is stays)
 
 
@@ -417,11 +382,8 @@ async def test_what_failed_is_read_before_a_filter_takes_its_place(screen, ran_s
 
 async def test_where_several_are_marked_it_is_said_that_a_new_thing_is_of_one(screen, ran_s=12):
     await screen.enter("/torque")
-    await screen.do("new_of_row")
-    await screen.shows("New for /legs/LF/HAA/torque?")
+    await screen.do("new_of_row", shows="New for /legs/LF/HAA/torque?")
     assert "not of the" not in screen.text
-    await screen.press("escape", "asterisk")
-    await screen.shows("12 marked")
-    await screen.do("new_of_row")
-    await screen.shows("New for /legs/LF/HAA/torque?")
+    await screen.press("escape", "asterisk", shows="12 marked")
+    await screen.do("new_of_row", shows="New for /legs/LF/HAA/torque?")
     await screen.shows("not of the 12 that are")

@@ -119,16 +119,14 @@ async def test_the_table_is_drawn_in_every_theme(fake, opened, word):
         await screen.do("j", "space", "edit_divider", "5", "enter", "V", "j")
         assert screen.app.theme == f"silo-{word}"
         await screen.shows("pending")
-        await screen.press("m")
-        await screen.shows("live")
+        await screen.press("m", shows="live")
 
 
 @pytest.mark.parametrize("word", OPTION["theme"].words)
 async def test_without_colours_none_are_sent_and_the_cursor_is_reversed(fake, opened, monkeypatch, word):
     monkeypatch.setenv("NO_COLOR", "1")
     async with opened(fake.run(), settings=Settings(theme=word)) as screen:
-        await screen.do("j", "space", "edit_divider", "5", "enter")
-        await screen.shows("pending")
+        await screen.do("j", "space", "edit_divider", "5", "enter", shows="pending")
         lines = [screen.app.screen.get_style_at(3, y) for y in range(3, 7)]
         painted = [segment.style for line in filtered(screen) for segment in line if segment.style]
         assert painted

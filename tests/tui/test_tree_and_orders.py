@@ -326,11 +326,9 @@ async def test_a_branch_and_a_vector_show_by_a_sign_whether_they_are_open(screen
     screen.app.context.table_changed()
     await screen.shows("► legs  ")
     assert "LF" not in screen.text
-    await screen.press("g", "g", "plus")
-    await screen.shows("▼ base  ")
+    await screen.press("g", "g", "plus", shows="▼ base  ")
     assert "► legs  " in screen.text
-    await screen.press("j", "j", "j", "plus")
-    await screen.shows("▼ velocity |3|")
+    await screen.press("j", "j", "j", "plus", shows="▼ velocity |3|")
     lines = screen.text.splitlines()
     at = next(at for at, line in enumerate(lines) if "▼ velocity" in line)
     assert [line.split()[0] for line in lines[at + 1 : at + 4]] == ["x", "y", "z"]
@@ -338,17 +336,13 @@ async def test_a_branch_and_a_vector_show_by_a_sign_whether_they_are_open(screen
 
 @pytest.mark.slow
 async def test_a_mark_on_a_name_space_says_how_many_it_marked_and_stays(screen, size=(80, 48)):
-    await screen.press("o", "n")
-    await screen.shows("▼ base  ")
-    await screen.do("top", "mark")
-    await screen.shows("3 elements of /base marked")
+    await screen.press("o", "n", shows="▼ base  ")
+    await screen.do("top", "mark", shows="3 elements of /base marked")
     assert (screen.session.rows.marked_count, screen.session.rows.branch.path) == (3, "/base")
-    await screen.do("mark")
-    await screen.shows("3 elements of /base no longer marked")
+    await screen.do("mark", shows="3 elements of /base no longer marked")
 
 
 async def test_what_orders_nothing_leaves_the_choice_of_an_order_open(screen):
-    await screen.press("o", "question_mark")
-    await screen.shows("? is no letter of an order")
+    await screen.press("o", "question_mark", shows="? is no letter of an order")
     await screen.press("v")
     await screen.until(lambda: screen.session.rows.sort == "value")

@@ -129,8 +129,7 @@ async def test_a_letter_that_is_no_key_of_a_screen_says_so_and_no_more(fake, ope
                 await screen.press(letter)
                 assert (screen.app.context.upper_screen.scope, screen.app.unforeseen.errors) == (scope, []), letter
             scopes.add(scope)
-            await screen.do("go_home")
-            await screen.until(lambda: screen.app.screen.scope == "table")
+            await screen.do("go_home", at="table")
         assert len(scopes) == 10
 
 
@@ -222,14 +221,11 @@ async def test_a_menu_that_waits_is_drawn_and_stays_at_an_unknown_letter(screen)
     assert "(x) Discard: none waits" in drawn(screen)
     assert "( ) not now: type it for why" in drawn(screen)
     assert drawn(screen).startswith("e  Edit: /base/orientation  ")  # which it may cover
-    await screen.press("k")
-    await screen.shows("k is not in the menu")
+    await screen.press("k", shows="k is not in the menu")
     assert screen.session.rows.position == 0
-    await screen.press("x")
-    await screen.shows("none waits")
+    await screen.press("x", shows="none waits")
     assert drawn(screen)
-    await screen.press("k")
-    await screen.shows("k is not in the menu")
+    await screen.press("k", shows="k is not in the menu")
     await screen.press("escape")
     assert not drawn(screen)
     assert "in the menu" not in screen.text, "what was said of a letter goes with the menu"
@@ -239,13 +235,10 @@ async def test_a_menu_that_waits_is_drawn_and_stays_at_an_unknown_letter(screen)
 
 @pytest.mark.slow
 async def test_enter_plots_the_row_though_others_are_marked_and_all_where_it_is_one_of_them(screen, ran_s=12):
-    await screen.press("space", "space", "enter")
-    await screen.until(lambda: screen.app.screen.scope == "monitor")
+    await screen.press("space", "space", "enter", at="monitor")
     assert [each.element.name for each in screen.app.screen.stack.plots] == ["/log/base/velocity"] * 3
-    await screen.press("escape")
-    await screen.until(lambda: screen.app.screen.scope == "table")
-    await screen.press("up", "enter")
-    await screen.until(lambda: screen.app.screen.scope == "monitor")
+    await screen.press("escape", at="table")
+    await screen.press("up", "enter", at="monitor")
     assert {each.element.name for each in screen.app.screen.stack.plots} == {
         "/log/base/orientation", "/log/base/position"
     }  # fmt: skip
@@ -262,8 +255,7 @@ async def test_the_key_that_folds_is_called_by_what_it_does_on_the_line_under_th
         await screen.until(lambda name=name: screen.session.table.names[screen.session.rows.row].endswith(name))
         await screen.shows(f" {key} {label}") if label else await screen.settled()
         assert label or f" {key} " not in bar()
-    await screen.do("fold")
-    await screen.shows(f" {key} Fold ")
+    await screen.do("fold", shows=f" {key} Fold ")
 
 
 async def test_esc_that_has_nothing_to_leave_on_the_table_says_which_keys_lead_on(screen):
@@ -274,8 +266,7 @@ async def test_esc_that_has_nothing_to_leave_on_the_table_says_which_keys_lead_o
     assert "nothing to leave" not in screen.text, "a key did something"
     await screen.press("escape")
     await screen.until(lambda: not screen.session.rows.marked_count)
-    await screen.press("f9")
-    await screen.shows("F9 is no key")
+    await screen.press("f9", shows="F9 is no key")
     await screen.press("j")
     await screen.settled()
     assert "F9 is no key" not in screen.text
@@ -283,13 +274,10 @@ async def test_esc_that_has_nothing_to_leave_on_the_table_says_which_keys_lead_o
 
 
 async def test_enter_on_a_name_space_folds_it_and_on_a_row_plots_it(screen):
-    await screen.press("o", "n", "g", "g")
-    await screen.shows("Enter Fold")
-    await screen.press("enter")
-    await screen.shows("Enter Unfold")
+    await screen.press("o", "n", "g", "g", shows="Enter Fold")
+    await screen.press("enter", shows="Enter Unfold")
     assert screen.session.rows.folded == {screen.session.rows.branch.path}
-    await screen.press("enter", "j", "enter")
-    await screen.until(lambda: screen.app.screen.scope == "monitor")
+    await screen.press("enter", "j", "enter", at="monitor")
 
 
 @pytest.mark.slow
@@ -300,8 +288,7 @@ async def test_an_entry_that_can_t_act_says_why(screen, read_only=True):
     await screen.press("escape", "r")
     await screen.until(lambda: "Acknowledge" in drawn(screen))
     assert "(k) Acknowledge: alarms" in drawn(screen)
-    await screen.press("k")
-    await screen.shows("r k (Acknowledge): it is a key of alarms (g a)")
+    await screen.press("k", shows="r k (Acknowledge): it is a key of alarms (g a)")
     assert drawn(screen)  # who reads may pick another one
 
 
@@ -435,8 +422,7 @@ async def test_the_bar_says_what_is_done_again_where_there_is_room(screen, size=
     assert ". again: On/Off" in bar(screen)
     await screen.do("filter", *"nosuchelement", "enter")
     assert "again" not in bar(screen)  # there is nothing to do it with
-    await screen.press("full_stop")
-    await screen.shows(". (On/Off): no element is here")
+    await screen.press("full_stop", shows=". (On/Off): no element is here")
 
 
 async def test_the_bar_has_one_order_on_every_screen_and_no_menu_without_an_entry_there():
@@ -468,8 +454,7 @@ async def test_home_is_the_table_from_wherever_one_is(screen, ran_s=12):
     ):
         await screen.do(*steps)
         await screen.until(lambda: screen.app.screen.scope not in ("table", ""))
-        await screen.do("go_home")
-        await screen.until(lambda: screen.app.screen.scope == "table")
+        await screen.do("go_home", at="table")
 
 
 @pytest.mark.slow
@@ -503,10 +488,8 @@ async def test_applying_starting_and_stopping_ask_the_same_on_every_screen_of_a_
 
 
 async def test_stopping_offers_a_restart_and_what_drops_is_answered_by_its_own_letter(fake, screen, ran_s=20):
-    await screen.do("start_stop")
-    await screen.shows("Stop and save  (s)")
-    await screen.press("r")
-    await screen.shows("Restart logging?")
+    await screen.do("start_stop", shows="Stop and save  (s)")
+    await screen.press("r", shows="Restart logging?")
     await screen.press("d")
     assert fake.calls == []
     await screen.press("D")
@@ -522,8 +505,7 @@ async def test_what_has_a_form_or_a_list_is_asked_by_it_and_not_by_a_line(fake, 
     await screen.press("4", "enter")
     await screen.until(lambda: not screen.app.screen.is_modal, "it is set")
     assert [call[1].name for call in fake.calls if call[0] == "set_limits"] == ["/log/base/orientation"]
-    await screen.do("derive")
-    await screen.shows("Derive a signal on robot")
+    await screen.do("derive", shows="Derive a signal on robot")
     await screen.press("escape")
     await screen.do("theme", "1")
     await screen.until(lambda: screen.app.theme == "silo-16", "its colours")
@@ -543,10 +525,8 @@ async def test_the_bar_of_a_list_names_what_it_is_for_where_its_key_is_in_a_menu
 async def test_ways_to_draw_are_one_menu_away_from_the_plots(fake, opened):
     fake.run(20)
     async with opened(fake) as screen:
-        await screen.do("monitor")
-        await screen.until(lambda: screen.app.screen.scope == "monitor", "plots")
-        await screen.do("mode_spectrum")
-        await screen.shows("SPECTRUM")
+        await screen.do("monitor", at="monitor")
+        await screen.do("mode_spectrum", shows="SPECTRUM")
         await screen.do("mode_time")
         await screen.until(lambda: screen.app.screen.stack.display, "time again")
 
@@ -570,8 +550,7 @@ async def test_in_the_palette_what_is_called_so_comes_first_and_is_shown_at_once
         await screen.press("enter")
         await screen.until(lambda name=name: getattr(screen.app.screen, "mode", "") == name, name)
         assert screen.app.screen.scope == "detail"
-        await screen.do("go_home")
-        await screen.until(lambda: screen.app.screen.scope == "table", "the table")
+        await screen.do("go_home", at="table")
 
 
 async def test_the_bar_of_plots_says_how_to_go_back_and_later_only_where_there_is_something(fake, opened):

@@ -32,8 +32,7 @@ async def test_a_view_is_kept_and_put_on_the_screen_again(new_fake, opened):
     async with opened(fake) as screen:
         await run(screen, "sort div")
         await run(screen, "filter base")
-        await screen.press("j", "space", "space", "m")
-        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
+        await screen.press("j", "space", "space", "m", at="monitor")
         monitor = screen.app.screen
         await screen.press("minus", "j")
         await screen.until(lambda: monitor.stack.chosen > 0)
@@ -57,11 +56,9 @@ async def test_a_view_keeps_axes_of_powers_of_ten(new_fake, opened):
     second.run()
     async with opened(fake) as screen:
         await run(screen, "filter HAA/torque")
-        await screen.press("m")
-        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
+        await screen.press("m", at="monitor")
         await screen.settled()
-        await screen.do("log_axis")
-        await screen.shows("1e2 ┤")  # what is not painted has no scale
+        await screen.do("log_axis", shows="1e2 ┤")  # what is not painted has no scale
         await screen.do("scale")
         kept = capture(screen.app.context)
         assert kept.logs == ("/legs/LF/HAA/torque",)
@@ -191,8 +188,7 @@ async def test_what_is_offered_takes_no_room_from_what_of_the_settings_was_left_
 async def test_edits_and_plots_that_were_left_both_come_back(new_fake, opened):
     fake = new_fake()
     async with opened(fake.run()) as screen:
-        await screen.do("toggle", "m")
-        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
+        await screen.do("toggle", "m", at="monitor")
         mine = files.left_by_us(screen.session.name)
         await screen.until(lambda: mine.exists() and files.load_file(mine)[0].plots, "kept within a second")
     of_a_process_that_is_gone(mine)
@@ -228,8 +224,7 @@ async def test_a_view_is_kept_on_the_robot_for_all_who_look_at_it(new_fake, open
         await screen.shows("views: robot:lab walk")
         await run(screen, "view save robot:lab walk")
         await screen.shows("Write over view lab walk?")
-        await screen.press("y")
-        await screen.shows("view kept on the robot")
+        await screen.press("y", shows="view kept on the robot")
     second.views_kept = fake.views_kept
     async with opened(second, view="robot:lab walk") as screen:
         await screen.shows("view robot:lab walk")
@@ -246,8 +241,7 @@ async def test_a_view_is_kept_on_the_robot_for_all_who_look_at_it(new_fake, open
         screen.app.screen.action_command("view")
         await screen.shows("Look at what?")
         assert "View robot:lab walk" not in screen.text
-        await screen.press("r")
-        await screen.shows("View robot:lab walk")
+        await screen.press("r", shows="View robot:lab walk")
         await screen.press("2")
         await screen.until(lambda: screen.session.rows.sort == "div", "the robot's view")
 
