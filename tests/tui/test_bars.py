@@ -18,7 +18,6 @@ from silo.core.tuning.parameters import ParameterChange
 from silo.recorder.requests import RecorderInfo
 from silo.rpc.published import Event, EventKind
 from silo_tui.actions import BY_ID, key_of
-from silo_tui.keymap import use_keys
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.table.facts import Facts
 from silo_tui.model.table.fields import Field
@@ -419,28 +418,6 @@ def keys(
         session=session,
     )
     return drawn.render().plain
-
-
-def test_the_bar_has_as_many_keys_as_fit_help_and_quit_always_at_its_end():
-    lines = {width: keys(width) for width in (40, 60, 80, 120, 240)}
-    assert all(len(line) == width for width, line in lines.items())
-    assert all(line.endswith(("? Help  q Quit", "? Help q Quit")) for line in lines.values())
-    shown = [line.count(" ") for line in lines.values()]
-    assert shown == sorted(shown)
-    assert "space Mark" in lines[240]
-    assert "S Stop" not in keys(240, read_only=True)
-
-
-@pytest.mark.parametrize("base", ["two-layer", "classic"])
-def test_keys_stand_close_together_before_one_gives_way(base):
-    use_keys(base, {})
-    whole = keys(300).rstrip()
-    length = len(" ".join(whole.split("  ")).strip())
-    needed = next(width for width in range(40, 300) if "space Mark" in keys(width) and "S Stop" in keys(width))
-    assert ("  " in keys(needed).strip().removesuffix("  q Quit").removesuffix("? Help").rstrip()) is (
-        base == "classic"
-    )
-    assert length
 
 
 def test_plots_say_at_80_columns_how_one_leaves_them():

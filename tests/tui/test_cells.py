@@ -292,21 +292,6 @@ def test_a_sequence_that_comes_in_two_writes_is_one(piece):
     assert line.terminal.cells[0][0] == ("a", 31, "", frozenset({1}))
 
 
-@pytest.mark.parametrize("sequence", ["\x1b[?1003h", "\x1b]52;c;aGk=\x07", "\x1b]0;silo\x1b\\", "\x07", "\x1b[>1u"])
-def test_what_concerns_no_cell_is_handed_on(sequence):
-    line = Line()
-    line.paint(f"a{sequence}b")
-    assert [(each.text, each.forget) for each in line.through] == [(sequence, False)]
-    assert line.follower.grid.chars[0][:2] == ["a", "b"]
-
-
-@pytest.mark.parametrize("sequence", ["\x1b[2L", "\x1b[3;5r", "\x1b[4S", "\x1bM", "\x1bD", "\x1bc"])
-def test_after_what_may_move_cells_nothing_is_taken_for_known(sequence):
-    line = Line()
-    line.paint(sequence)
-    assert [(each.text, each.forget) for each in line.through] == [(sequence, True)]
-
-
 @given(st.lists(st.sampled_from(STYLES), min_size=2, max_size=12))
 def test_the_way_from_one_style_to_another_leads_there(codes):
     styles, terminal, at = Styles(), Emulator(1, 1), DEFAULT
@@ -364,6 +349,8 @@ def test_what_is_erased_is_blank(words, rows):
         ("\x1b]2;title\a", [("\x1b]2;title\a", False)]), ("\x1b]8;;http://x\a", []), ("\x1b=", [("\x1b=", False)]),
         ("\x1bM", [("\x1bM", True)]), ("\x1b[3L", [("\x1b[3L", True)]), ("\x1b[3K", [("\x1b[3K", True)]),
         ("\x1b[3J", [("\x1b[3J", True)]), ("\x1b[2 q", [("\x1b[2 q", False)]), ("\x1b[22;2t", [("\x1b[22;2t", False)]),
+        *((one, [(one, False)]) for one in ("\x1b[?1003h", "\x1b]52;c;aGk=\x07", "\x1b]0;silo\x1b\\", "\x1b[>1u")),
+        *((one, [(one, True)]) for one in ("\x1b[2L", "\x1b[3;5r", "\x1b[4S", "\x1bD", "\x1bc")),
     ],
 )  # fmt: skip
 def test_what_concerns_no_cell_is_handed_on_and_what_may_is_told(words, through):

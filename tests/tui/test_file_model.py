@@ -66,17 +66,6 @@ def test_a_column_holds_the_extremes_of_its_samples(data, count, divider, column
         assert set(places[hit].tolist()) <= set(marked.tolist())
 
 
-def test_a_spike_of_one_sample_shows_at_every_zoom():
-    values = np.zeros(100_000)
-    values[77_777] = 40.0
-    of = source(element("a", values), ticks=100_000)
-    for span_s in of.spans_s:
-        span_ns = round(span_s * 1e9)
-        end = min(of.end_ns, max(int(of.recording.time_ns[77_777]) + span_ns // 2, of.begin_ns + span_ns))
-        past = of.columns(["/log/a"], end - span_ns, end, max(1, -(-span_ns // 140)))
-        assert np.nanmax(past.high) == 40.0, span_s
-
-
 def test_facts_are_of_the_samples_in_the_window_without_nan():
     values = np.arange(1000.0)
     values[::3] = np.nan

@@ -279,17 +279,6 @@ def store_of(**signals):
     return store
 
 
-def test_two_curves_share_cells_and_each_cell_has_the_colour_of_one():
-    store = store_of(a=[0.0] * 20, b=[10.0] * 20)
-    pictures = draw_panel(store, PlotWindow(), [A, B], [False, False], 10, 4, lambda name: 10)
-    assert pictures[0].axis.scale == pictures[1].axis.scale
-    cells, owners = together(pictures)
-    assert set(owners[3].tolist()) == {0}
-    assert set(owners[0].tolist()) == {1}
-    assert set(owners[1].tolist()) == {-1}
-    assert cells.shape == (4, 10)
-
-
 def test_a_spike_of_another_curve_shows_under_the_one_in_front():
     spike = [0.0] * 20
     spike[9] = 10.0

@@ -87,19 +87,6 @@ def stack():
 # ------------------------------------------------------------------------------------------------------ what is drawn
 
 
-def test_plots_stand_one_below_the_other_with_their_time_below_them(stack):
-    lines = stack.text
-    assert lines[0] == ">a /imu/temperature degC         min 0.00  max 10.00  now - "
-    assert [line[: AXIS + 1] for line in lines[1:6]] == [
-        "       10 ┤", "          │", "        5 ┤", "          │", "        0 ┤",
-    ]  # fmt: skip
-    assert lines[6] == " b /state/on                                          now - "
-    assert lines[7].startswith("        b │▁")
-    assert lines[8].startswith(" c /base/position_x m ")
-    assert lines[13] == "           -10 s  -7.5 s      -5 s      -2.5 s    now       "
-    assert [len(line) for line in lines] == [WIDTH] * 14
-
-
 def test_one_signal_alone_has_no_letter_and_more_room():
     stack = Stack(HEAT)
     assert stack.text[0].startswith(">/imu/temperature degC")

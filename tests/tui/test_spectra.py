@@ -188,18 +188,6 @@ def test_a_spectrum_without_a_hole_says_nothing_of_it(recwarn):
     assert len(lines_of(longest_piece(times(8), np.arange(8.0)))[0]) == 5
 
 
-@pytest.mark.parametrize("way", ["linear", "log", "dB"])
-def test_the_peak_is_the_highest_cell_of_its_plot_and_has_its_number(way):
-    found = spectrum_of(longest_piece(times(4000), waves(4000, (50.0, 2.0), (150.0, 0.2))))
-    plot = big_plot.of_spectra([found], peaks_of(found), way, SIZE, None)
-    assert all(len(line) == SIZE[0] for line in plot.lines)
-    (_, first, one), (_, second, two) = plot.spots
-    assert (one, two) == ("1", "2")
-    assert first == pytest.approx(15, abs=1)
-    assert second == pytest.approx(45, abs=1)
-    assert plot.left
-
-
 @pytest.mark.parametrize("hz", [50.0, 51.3, 51.7, 52.5])
 def test_the_axis_reaches_the_amplitude_that_is_told(hz):
     found = spectrum_of(longest_piece(times(160), waves(160, (hz, 41.0))))

@@ -369,15 +369,6 @@ def test_statistics_are_wide_where_names_leave_room(name, cells, shown, new_fake
     assert (table.sight.room, table.sight.value_room) == (min(cells, widths["value"]), widths["value"])
 
 
-@pytest.mark.parametrize(("name", "unit", "shown"), [
-    ("/log/a", "kg m^2/s", "kg m^2/s"), (f"/log/{'a' * 40}", "kg m^2/s", "kg m^2/s"), ("/log/a", "kg" * 30, "…"),
-])  # fmt: skip
-def test_units_are_whole_or_not_there(name, unit, shown, new_fake):
-    table = Table(Desk(new_fake([scalar(name, unit), scalar("/log/torque", "Nm")])), width=90)
-    assert f" {shown} " in table.text[0]
-    assert "Nm" in table.text[1]
-
-
 @pytest.mark.parametrize(("words", "shown"), [("", True), ("torque", True), ("inertia", False)])
 def test_units_of_which_none_has_room_have_no_column(words, shown, new_fake):
     table = Table(Desk(new_fake([scalar("/log/a/inertia", "kg" * 30), scalar("/log/torque", "Nm")])), width=80)

@@ -9,7 +9,6 @@ from silo.core.elements import Table
 from silo.live.quantities import FROZEN, NOT_FINITE
 from silo_tui.model.table.columns import TREE
 from silo_tui.model.table.facts import Facts
-from silo_tui.model.table.fields import Field
 from silo_tui.model.table.rows import RowList
 from silo_tui.model.table.state import TableState
 from silo_tui.model.table.tree import entry_of, row_of, tree_of
@@ -223,34 +222,12 @@ def test_what_filter_and_order_are_by_is_known_when_all_of_it_was_measured(rows)
     assert len(rows.shown) == 0
 
 
-def test_the_cursor_stays_on_its_element_while_the_order_moves(rows):
-    measure(rows, value=np.arange(len(rows.table)))
-    rows.order_by("value")
-    rows.move_to(3)
-    name = rows.table.names[rows.row]
-    measure(rows, value=-np.arange(len(rows.table)))
-    rows.refresh()
-    assert rows.table.names[rows.row] == name
-    assert rows.position == len(rows.table) - 4
-
-
 def test_the_worst_signs_come_first(rows):
     signs = np.zeros(len(rows.table))
     signs[7], signs[9] = FROZEN, NOT_FINITE
     measure(rows, signs=signs)
     rows.order_by("state")
     assert list(rows.shown[:2]) == [9, 7]
-
-
-@pytest.mark.parametrize(("order", "field"), [("div", Field.DIVIDER), ("size", Field.SIZE)])
-def test_orders_by_numbers_of_settings_begin_with_the_largest_and_turn_round_too(rows, order, field):
-    rows.table.edit(np.array([3]), field, 4000)
-    rows.order_by(order)
-    first = list(rows.table.values[field, rows.shown])
-    assert (rows.arrow, first) == ("↓", sorted(first, reverse=True))
-    assert first[0] > first[-1]
-    rows.order_by(order)
-    assert (rows.arrow, list(rows.table.values[field, rows.shown])) == ("↑", first[::-1])
 
 
 @pytest.mark.parametrize("order", ["name", "added"])

@@ -77,35 +77,8 @@ def check():
                 raise ValueError(f"{key} of {commands} is no key that can be")
 
 
-@pytest.mark.parametrize(
-    ("row", "why"),
-    [
-        (("j", "apply"), "down"),
-        (("e d", "edit_size"), "edit_divider"),
-        (("e", "apply"), "menu_edit"),
-        (("e D", "apply"), "can be"),
-        (("alt+x", "apply"), "can be"),
-        (("ctrl+h", "apply"), "can be"),
-        (("y d", "apply"), "can be"),
-    ],
-)
-def test_a_table_with_a_conflict_is_refused(monkeypatch, row, why):
-    keys, command = row
-    monkeypatch.setattr(keymap, "_TABLE", (*keymap._TABLE, row))
-    monkeypatch.setitem(BASES, "two-layer", {**TWO_LAYERS, command: keys})
-    with pytest.raises(ValueError, match=why):
-        check()
-
-
 def test_the_table_has_no_conflict():
     check()
-
-
-def test_a_command_without_a_place_is_refused(monkeypatch):
-    without = {command: keys for command, keys in TWO_LAYERS.items() if command != "toggle"}
-    monkeypatch.setattr(keymap, "TWO_LAYERS", without)  # not taken out of it: menus have its order
-    with pytest.raises(ValueError, match="toggle has no place"):
-        check()
 
 
 def test_every_command_has_its_place_on_every_screen_where_it_has_a_key():
