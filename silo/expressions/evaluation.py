@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arrays.values import EXACT
-from silo.core.arrays.wholes import compared, fitting, nearest, told
+from silo.core.arrays.wholes import bits_of, fitting, nearest, told
 from silo.expressions.binding import (
     OFF,
     BoundExpression,
@@ -393,9 +393,8 @@ class Evaluator:
             return made
         bits: list[Any] = [*_meeting(sides)]
         if isinstance(made, Truth):
-            one, other = (told(*side) for side in zip(bits, numbers, strict=True))
-            true = compared(COMPARING[part.operator], one, other)
-            return Truth(np.where(one.known & other.known, true, made.true), made.unknown)
+            (one, known), (other, also) = (told(*side) for side in zip(bits, numbers, strict=True))
+            return Truth(np.where(known & also, COMPARING[part.operator](one, other), made.true), made.unknown)
         if part.operator == "**":
             whole = _power(*part.parts)
         else:
@@ -420,7 +419,7 @@ class Evaluator:
             whole = part.whole
             if whole is None and part.value.is_integer() and abs(part.value) < EXACT:
                 whole = int(part.value)
-            return _modulo(whole) if whole is not None and -(2**63) <= whole < 2**64 else None
+            return bits_of(whole) if whole is not None and -(2**63) <= whole < 2**64 else None
         if isinstance(part, BoundSignal):
             columns = _all_of(self._whole_column(column, grid) for column in part.columns)
             return None if columns is None else np.stack(columns, axis=1) if part.vector else columns[0]
@@ -461,7 +460,7 @@ class Evaluator:
         if isinstance(before, float) and (abs(before) > EXACT or before % 1 > 0):
             return None  # it was rounded
         held = 0 if math.isnan(before) else int(before)  # of a NaN there is no result either
-        return np.concatenate([_modulo(held)[None], column])[grid.places(source) + 1]
+        return np.concatenate([bits_of(held)[None], column])[grid.places(source) + 1]
 
     # ------------------------------------------------------------------------------------------------------------
 
@@ -564,11 +563,6 @@ def _meeting(values: Sequence[Value]) -> Sequence[Value]:
     if any(raw(value).ndim == 2 for value in values if not isinstance(value, float)):
         return [columned(value) for value in values]
     return values
-
-
-def _modulo(number: int) -> Ints:
-    """An integer modulo 2^64, as that of 64 bits with a sign."""
-    return np.asarray(number % 2**64, np.uint64).astype(np.int64)
 
 
 def _may_be_none(part: Part) -> bool:

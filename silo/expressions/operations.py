@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from silo.core.arrays.function_units import KEPT, PER_SECOND, PLAIN, UNIT_RULES, UnitRule
-from silo.core.arrays.wholes import Bits, divided, outermost, stacked, told
+from silo.core.arrays.wholes import Bits, bits_of, told
 
 
 @dataclass(frozen=True)
@@ -232,15 +232,21 @@ def computed_whole(sign: str, bits: list[Bits], numbers: list[Any], made: Any) -
     if sign == "abs":
         return np.where(numbers[0] < 0, -bits[0], bits[0]), made
     if sign == "%":
-        over, by = map(told, bits, numbers)
-        _, (rest, nearly) = divided(over, by._replace(bits=np.where(by.bits == 0, 1, by.bits)))
-        known = over.known & by.known & (by.bits != 0)
-        return np.where(known, rest, np.asarray(made).astype(np.int64)), np.where(known, nearly, made)
-    if sign in ("min", "max"):
-        return outermost(_OUTER[sign], stacked([told(*each) for each in zip(bits, numbers, strict=True)])), made
-    if sign in ("min_of", "max_of"):
-        return outermost(_OUTER[sign[:3]], told(_side_by_side(bits), _side_by_side(numbers))), made
+        (over, known), (by, also) = map(told, bits, numbers)
+        rest, exact = over % np.where(by == 0, 1, by), known & also & (by != 0)
+        whole = np.where(exact, bits_of(rest), np.asarray(made).astype(np.int64))
+        return whole, np.where(exact, np.asarray(rest, np.float64), made)
+    if sign in _OUTER:
+        if sign.endswith("_of"):
+            every, known = told(_side_by_side(bits), _side_by_side(numbers))
+        else:
+            each = zip(*map(told, bits, numbers), strict=True)
+            every, known = (np.stack(np.broadcast_arrays(*one), axis=-1) for one in each)
+        outer, beyond = _OUTER[sign]
+        return bits_of(outer.reduce(np.where(known, every, beyond), axis=-1)), made
     return None, made
 
 
-_OUTER = {"min": np.minimum, "max": np.maximum}
+_OUTER: dict[str, tuple[np.ufunc, int]] = {  # what is outermost, and a number that nothing lies beyond
+    **dict.fromkeys(("min", "min_of"), (np.minimum, 2**64)), **dict.fromkeys(("max", "max_of"), (np.maximum, -(2**63))),
+}  # fmt: skip

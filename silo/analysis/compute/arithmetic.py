@@ -3,6 +3,7 @@
 `silo.analysis.compute.numpy_functions` calls it, `silo.analysis.compute.frames` for stamps of vectors and orientations.
 """
 
+import functools
 import math
 import sys
 import warnings
@@ -18,8 +19,6 @@ from silo.core import units
 from silo.core.arguments import shown
 from silo.core.arrays.enumerations import to_compare
 from silo.core.arrays.values import missing_in
-from silo.core.arrays.wholes import compared as numbers_compared
-from silo.core.arrays.wholes import divided, fitting, outermost, stacked, wholes
 from silo.core.recording import falls
 from silo.errors import ElementError, LogWarning
 
@@ -71,9 +70,7 @@ def _to_the_last_digit(function: Callable[[Any, Any], Any]) -> Callable[[Any, An
     def holds(one: Any, other: Any) -> Any:
         sides = np.asanyarray(one), np.asanyarray(other)
         mixed = {(side.dtype.kind, side.dtype.itemsize) for side in sides} == {("i", 8), ("u", 8)}
-        if mixed and not any(map(np.ma.isMaskedArray, sides)):
-            return numbers_compared(function, *map(wholes, sides))
-        return function(one, other)
+        return function(*(side.astype(object) for side in sides)) if mixed else function(one, other)
 
     return holds
 
@@ -176,68 +173,48 @@ def wholly(function: Callable[..., Any], sign: str) -> Callable[..., Any]:
 
     def made(*given: Any) -> Any:
         sides = [side if np.ma.isMaskedArray(side) else np.asarray(side) for side in given]
-        unsigned = any(map(_is_unsigned, sides))
-        if all(side.dtype.kind in "iu" for side in sides):
-            if sign in _DIVIDING and not any(map(np.ma.isMaskedArray, sides)) and (none := sides[1] == 0).any():
-                others = made(sides[0], np.where(none, np.ones_like(sides[1]), sides[1]))
-                return np.where(none, function(*_floats(sides)), others)
-            of = _of_unsigned if unsigned else _of_signed
-            found = of(function, sign, sides)
-            if found is not None:
-                return found
-        elif not unsigned:
-            return function(*given)
-        return function(*_floats(sides))
+        signed = not any(map(_is_unsigned, sides))
+        if not all(side.dtype.kind in "iu" for side in sides) or function in _OF_FLOATS:
+            return function(*(given if signed else _floats(sides)))
+        if signed and sign in _WITHIN:
+            return function(*sides)
+        floats = _floats(sides)
+        if sign in _SHIFTS:
+            nearly = np.floor(floats[0] * 2.0 ** (floats[1] * _SHIFTS[sign]))
+        else:
+            nearly = np.zeros(()) if sign in _WITHIN[2:] else function(*floats)
+        within = signed or all((np.abs(side) < 2.0**63).all() for side in floats)
+        if sign == "**" and (sides[1] < 0).any():
+            return nearly
+        if within and (np.abs(nearly) < 2.0**62).all():  # nothing wraps around
+            return function(*(side.astype(np.int64) for side in sides))
+        return _by_python(_fmod if function is np.fmod else function, sign, sides, nearly)
 
     return made
 
 
-_ADDING = ("+", "-", "*", "**", "<<")  # modulo 2^64 they are right where the result fits
-_MOST_EXPONENT = np.iinfo(np.int64).max
-_DIVIDING = ("//", "%")
-_WITHIN = ("max", "min", "&", "|", "^", ">>", "abs")  # the result is no larger than what it is made of
+_OF_FLOATS = (np.float_power, np.hypot, np.arctan2)
+_SHIFTS = {"<<": 1, ">>": -1}
+_WITHIN = ("max", "min", "&", "|", "^")  # the result is no larger than what it is made of; floats have no bits
+_fmod = np.frompyfunc(lambda one, other: abs(one) % abs(other) * (1 if one >= 0 else -1), 2, 1)
 
 
-def _of_signed(function: Callable[..., Any], sign: str, sides: Sequence[NDArray[Any]]) -> NDArray[Any] | None:
-    """Return what a function makes of int64; None of what is no whole number."""
-    if sign in _ADDING or sign == "abs":
-        return _added(function, sign, sides)
-    if sign in _DIVIDING and (sides[1] == 0).any():
-        return None
-    if sign == "//" and (sides[1] == -1).any():
-        return fitting(function(*sides), function(*_floats(sides)))
-    return function(*sides)  # type: ignore[no-any-return]
-
-
-def _added(function: Callable[..., Any], sign: str, sides: Sequence[NDArray[Any]]) -> NDArray[Any] | None:
-    if sign == "**" and (function is np.float_power or (sides[1] < 0).any() or (sides[1] > _MOST_EXPONENT).any()):
-        return None
-    bits = function(*(side.astype(np.int64) for side in sides))
-    floats = _floats(sides)
-    return fitting(bits, floats[0] * 2.0 ** floats[1] if sign == "<<" else function(*floats))
-
-
-def _of_unsigned(function: Callable[..., Any], sign: str, sides: Sequence[NDArray[Any]]) -> NDArray[Any] | None:
-    """The same of uint64, maybe beside int64."""
-    if sign in _ADDING:
-        return _added(function, sign, sides)
-    if any(map(np.ma.isMaskedArray, sides)) or (sign in _DIVIDING and (sides[1] == 0).any()):
-        return None
-    if sign == ">>":
-        return function(sides[0], sides[1].astype(sides[0].dtype))  # type: ignore[no-any-return]
-    if sign in (*_WITHIN, *_DIVIDING) and all(_is_unsigned(side) or not (side < 0).any() for side in sides):
-        return function(*(side.astype(np.uint64) for side in sides))  # type: ignore[no-any-return]
-    if sign in _DIVIDING and function is not np.fmod:
-        quotient, rest = divided(*map(wholes, sides))
-        return fitting(*(quotient if sign == "//" else rest))
-    if sign in ("max", "min"):
-        outer = np.maximum if sign == "max" else np.minimum
-        return fitting(outermost(outer, stacked([wholes(side) for side in sides])), function(*_floats(sides)))
-    if sign in ("&", "|", "^"):  # an integer below 0 begins with ones without end
-        bits = function(*(side.astype(np.int64) for side in sides))
-        below = function(*(~np.asarray(_is_unsigned(side)) & (side < 0) for side in sides))
-        return fitting(bits, bits.astype(np.uint64) - 2.0**64 * below)
-    return None
+def _by_python(function: Callable[..., Any], sign: str, sides: Sequence[NDArray[Any]], nearly: NDArray[Any]) -> Any:
+    """Return what Python, whose integers are as long as they have to be, makes of some: int64 or uint64, whichever
+    holds all, else the float64s next to them. What is `nearly` infinite, or no number, stays that.
+    """
+    mask = functools.reduce(np.logical_or, map(np.ma.getmaskarray, sides))
+    data = np.broadcast_arrays(*map(np.ma.getdata, sides))
+    found = np.where(mask, 0.0, np.ma.getdata(nearly)).astype(object)
+    exact = ~mask & (np.abs(np.ma.getdata(nearly)) < 2.0**65) & ((sign not in _SHIFTS) | (data[-1] >= 0))
+    found[exact] = function(*(side[exact].astype(object) for side in data))
+    found[mask] = 0
+    numbers = found.ravel().tolist()
+    low, high = (one(numbers, default=0) for one in (min, max))
+    kinds: tuple[Any, ...] = (np.int64, np.uint64) if all(isinstance(one, int) for one in numbers) else ()
+    fits = (kind for kind in kinds if np.iinfo(kind).min <= low and high <= np.iinfo(kind).max)
+    made: NDArray[Any] = found.astype(next(fits, np.float64))
+    return np.ma.array(made, mask=mask) if any(map(np.ma.isMaskedArray, sides)) else made
 
 
 def _floats(sides: Sequence[NDArray[Any]]) -> list[NDArray[np.float64]]:

@@ -4,8 +4,7 @@ They are told by their bits, which are what they are modulo 2^64, as int64, and 
 Expressions and the arithmetic of signals compute both side by side; what 64 bits can't hold is the float64.
 """
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,24 +15,16 @@ Floats = NDArray[np.float64]
 _HALF = 2.0**63
 
 
-class Wholes(NamedTuple):
-    """Integers of any shape: their bits, and where they are 2^63 or more; `known` is False where they are others."""
-
-    bits: Bits
-    high: NDArray[np.bool_]
-    known: NDArray[np.bool_] | np.bool_ = np.True_
-
-
-def wholes(values: NDArray[Any]) -> Wholes:
-    """Return what an array of integers holds."""
-    bits = values.astype(np.int64)
-    return Wholes(bits, bits < 0 if values.dtype.kind == "u" else np.zeros(bits.shape, bool))
-
-
-def told(bits: Bits, made: Floats | float) -> Wholes:
-    """Return the integers that have these bits and are nearly `made`."""
+def told(bits: Bits, made: Floats | float) -> tuple[Any, NDArray[np.bool_]]:
+    """Return the integers that have these bits and are nearly `made`, as Python has them, and where they are known."""
     low, high = _within(bits, made), _within(bits.astype(np.uint64), made)
-    return Wholes(bits, ~low & high, low | high)
+    more = np.where(~low & high, np.asarray(2**64, object), 0)
+    return np.asarray(bits.astype(object) + more, object), low | high
+
+
+def bits_of(numbers: Any) -> Bits:
+    """Return the bits of integers of Python."""
+    return np.asarray(numbers % 2**64, np.uint64).astype(np.int64)
 
 
 def nearest(bits: Bits, made: Floats) -> Floats:
@@ -54,44 +45,3 @@ def fitting(bits: Bits, made: Floats) -> NDArray[Any]:
 
 def _within(whole: NDArray[Any], made: Floats | float) -> NDArray[np.bool_]:
     return np.abs(whole - made) < _HALF
-
-
-def compared(function: Callable[[Any, Any], Any], one: Wholes, other: Wholes) -> NDArray[np.bool_]:
-    """Return whether a comparison holds."""
-    made: NDArray[np.bool_] = np.where(
-        one.high == other.high, function(one.bits, other.bits), function(one.high, other.high)
-    )
-    return made
-
-
-def stacked(parts: Sequence[Wholes]) -> Wholes:
-    """Return several that meet as one, with an axis more."""
-    return Wholes(*(np.stack(np.broadcast_arrays(*each), axis=-1) for each in zip(*parts, strict=True)))
-
-
-def outermost(function: np.ufunc, of: Wholes) -> Bits:
-    """Return the bits of the smallest (np.minimum) or largest (np.maximum) along the last axis, of those known."""
-    ahead = (of.high if function is np.maximum else ~of.high) & of.known  # where there is one it is among these
-    ahead |= of.known & ~ahead.any(axis=-1, keepdims=True)
-    others = np.iinfo(np.int64).min if function is np.maximum else np.iinfo(np.int64).max
-    made: Bits = function.reduce(np.where(ahead, of.bits, others), axis=-1)
-    return made
-
-
-def divided(over: Wholes, by: Wholes) -> tuple[tuple[Bits, Floats], tuple[Bits, Floats]]:
-    """Return quotient and rest as Python has them: the rest has the sign of the divisor, which must not be 0."""
-    (minus, size), (by_minus, by_size) = _sized(over), _sized(by)
-    quotient, rest = np.divmod(size, by_size)
-    beyond = (minus != by_minus) & (rest != 0)
-    return _signed(minus != by_minus, quotient + beyond), _signed(by_minus, np.where(beyond, by_size - rest, rest))
-
-
-def _sized(of: Wholes) -> tuple[NDArray[np.bool_], NDArray[np.uint64]]:
-    """Where they are negative, and how large without their sign."""
-    minus = (of.bits < 0) & ~of.high
-    return minus, np.where(minus, -of.bits, of.bits).astype(np.uint64)
-
-
-def _signed(minus: NDArray[np.bool_], size: NDArray[np.uint64]) -> tuple[Bits, Floats]:
-    bits, made = size.astype(np.int64), size.astype(np.float64)
-    return np.where(minus, -bits, bits), np.where(minus, -made, made)
