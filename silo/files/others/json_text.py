@@ -2,21 +2,19 @@
 values have.
 
 Nothing says which keys there are, so that all messages are looked at once, before any value is asked for: a key that
-comes late is a signal like the first one, and integers are of a type that holds all of them. Messages that are like
-those before them, as nearly all are, cost 1 us: a decoder for just these keys and types takes them.
+comes late is a signal like the first one, and integers are of a type that holds all of them.
 """
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Optional, Union
+from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.recording import masked
-from silo.decoding import json_decoder
 from silo.files.others.message_types import MOST_VALUES, FieldSpec, Path
 from silo.files.others.topics import Bad, Equal
 
@@ -28,7 +26,6 @@ _OTHER = "list of other things"
 _KIND_OF = {bool: "truth", int: "number", float: "number", str: "text"}
 _EXACT = 2**53
 _MOST_TEXT_BYTES = 64 << 20  # of a column
-_MOST_DECODERS = 100  # of a topic: each takes 0.1 ms, and keys without end come one by one
 
 
 @dataclass
@@ -41,7 +38,6 @@ class _Met:
     inexact: bool = False
     fractions: bool = False
     most: int = 0
-    longest: int = 1
 
     def add(self, kind: str, number: int) -> None:
         """Count a value."""
@@ -63,13 +59,6 @@ class _Met:
         return max(self.counts.keys() & _SIGNALS, key=lambda kind: self.counts[kind][0], default="")
 
     @property
-    def allows(self) -> tuple[str, bool, bool, int] | None:
-        """What another message may have here without saying anything new; None for what isn't told so shortly."""
-        if self.low < -(2**63) or self.high >= 2**63 or self.kind not in _SIGNALS:
-            return None
-        return self.kind, self.inexact, self.fractions, self.most
-
-    @property
     def dtype(self) -> str:
         """The type of a column: integers as long as one type holds them all."""
         if self.kind in ("truth", _LISTS["truth"]):
@@ -81,103 +70,17 @@ class _Met:
         return "i8" if self.high < 2**63 else "u8"
 
 
-def signals_of(messages: Callable[[Bad], Iterable[Equal]], bad: Bad) -> tuple[list[FieldSpec], list[Path], list[str]]:
+def signals_of(groups: Iterable[Equal], bad: Bad) -> tuple[list[FieldSpec], list[Path], list[str]]:
     """Return the elements that messages show, what in them is none, and what has to be told of single values."""
-    met = _met_in_all(messages, bad)
+    met: dict[Path, _Met] = {}
+    for number, message in _decoded(groups, bad):
+        _look(message, (), met, number)
     signals = {path: one for path, one in met.items() if one.kind}
     found = [_wanted(path, one) for path, one in signals.items()]
     told = [f"/{'/'.join(path)} {text}" for path, one in signals.items() for text in _told(one)]
     if len(met) >= _MOST_SIGNALS:
         told.append(f" has more than {_MOST_SIGNALS:,} keys: those that come later are left out")
     return found, [path for path, one in met.items() if not one.kind], told
-
-
-def _met_in_all(messages: Callable[[Bad], Iterable[Equal]], bad: Bad) -> dict[Path, _Met]:
-    quickly: Bad = []
-    met = _met_quickly(messages(quickly), quickly)
-    if met is not None:
-        bad += quickly
-        return met
-    met = {}
-    for number, message in _decoded(messages(bad), bad):
-        _look(message, (), met, number)
-    return met
-
-
-# --------------------------------------------------------------------------------------------- many that are alike
-
-
-def _met_quickly(groups: Iterable[Equal], bad: Bad) -> dict[Path, _Met] | None:
-    """What stands at all paths, as far as each has one kind of values; None where one has two, which are to be counted.
-
-    A message that has nothing new isn't looked at: a decoder that knows no more than what was met takes it.
-    """
-    met: dict[Path, _Met] = {}
-    known: tuple[object, ...] | None = None
-    decoder: msgspec.json.Decoder[Any] | None = None
-    made = 0
-    for which, rows in groups:
-        for number, row in zip(which.tolist(), rows, strict=True):
-            text = row.tobytes()
-            if decoder is not None:
-                try:
-                    decoder.decode(text)
-                    continue
-                except (msgspec.DecodeError, UnicodeDecodeError):
-                    pass
-            try:
-                _look(_message(text), (), met, number)
-            except (ValueError, RecursionError) as error:
-                bad.append((np.array([number]), _no_json(error)))
-                continue
-            if any(len(one.counts.keys() - {"empty list"}) > 1 for one in met.values()):
-                return None
-            now = tuple(one.allows for one in met.values())
-            if now != known:
-                known, made, decoder = now, made + 1, _decoder_of(met)
-                if made > _MOST_DECODERS:
-                    return None
-    return met
-
-
-def _decoder_of(met: Mapping[Path, _Met]) -> msgspec.json.Decoder[Any] | None:
-    """What takes messages that have nothing but what was met; None where there are paths of a value and of more."""
-    tree: dict[str, Any] = {}
-    for path, one in met.items():
-        *above, last = path or ("",)
-        place = tree
-        for key in above:
-            place = place.setdefault(key, {})
-            if not isinstance(place, dict):
-                return None
-        if not path or last in place or one.allows is None:
-            return None
-        place[last] = one.allows
-    try:
-        return json_decoder(_struct_of(tree)) if tree else None
-    except ValueError:
-        return None  # a key with letters that the name of a field can't have
-
-
-def _struct_of(tree: Mapping[str, Any]) -> Any:
-    names = {f"f{at}": key for at, key in enumerate(tree)}
-    fields = [(name, Optional[_type_of(tree[key])], None) for name, key in names.items()]  # noqa: UP045  # at run time
-    return msgspec.defstruct("Alike", fields, rename=names, forbid_unknown_fields=True)
-
-
-def _type_of(allowed: Any) -> Any:
-    if isinstance(allowed, dict):
-        return _struct_of(allowed)
-    kind, wide, fractions, most = allowed
-    for alone, plain in (("truth", bool), ("text", str)):
-        if kind == alone:
-            return plain
-        if kind == _LISTS[alone]:
-            return Annotated[list[plain], msgspec.Meta(max_length=most)]  # type: ignore[valid-type]
-    least, largest = (-(2**63), 2**63 - 1) if wide else (-_EXACT, _EXACT)
-    whole: Any = Annotated[int, msgspec.Meta(ge=least, le=largest)]
-    number: Any = Union[whole, float] if fractions else whole  # noqa: UP007  # made at run time
-    return Annotated[list[number], msgspec.Meta(max_length=most)] if kind == "list" else number
 
 
 def _wanted(path: Path, one: _Met) -> FieldSpec:

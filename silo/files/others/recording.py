@@ -238,7 +238,7 @@ def _reader(name: str, alike: _Alike, told: DamageNotes) -> "TopicReader":
     parts = [topic for _, topic in alike.parts]
     if message is None:
         bad: Bad = []
-        wanted, left, odd = json_text.signals_of(partial(_every, parts), bad)
+        wanted, left, odd = json_text.signals_of(_every(parts, bad), bad)
         if bad and not wanted:
             raise DamagedTopicError(f"{len(bad):,} messages, of which none can be read: {bad[0][1]}")
         for text in odd:
