@@ -21,7 +21,7 @@ from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlsplit
@@ -41,7 +41,7 @@ from silo.run_index.index import RunIndex, Told
 from silo.run_index.labels import Labels
 from silo.run_index.listed import ArchivedFacts, KnownFiles, ListedRun
 from silo.run_index.runs import RunList
-from silo.run_index.tables import COLUMNS, FACTS, HIVE, Folders, read_numbers, read_signals, typed
+from silo.run_index.tables import COLUMNS, FACTS, HIVE, Folders, read_signals, typed
 
 EXTRA = "archive"
 MARK = "silo-archive.json"
@@ -150,7 +150,6 @@ class Archive:
 
     def _add_all(self, runs: RunList, told: Told, name: str) -> Archiving:
         self._listed = self._several = None
-        vars(self).pop("_numbers", None)
         self._sweep()
         known, outcome = {one.run: one for one in self.manifest()}, Archiving()
         runs = runs.by_file()  # each file is one by itself: of a run that goes on more are added, and old ones deleted
@@ -214,22 +213,11 @@ class Archive:
         entries = [one for name in files for one in self._known() if one.run == name]
         if len(entries) < len(files):
             raise ElementError(f"'{self.where}' has no run '{run}': ask again, the archive changed meanwhile")
-        if len(entries) > 1:
-            return self._read_joined(entries, signals)
-        file = self._at(entries[0].file)
-        if self._is_local and self._numbers.get(run, frozenset()).issuperset(signals):
-            frame = read_numbers(file, signals)
-            if frame is not None:
-                return frame
-        with _told(self.where), self._files.open(file) as source:
-            return read_signals(read_parquet(Path(file), source), signals)
-
-    def _read_joined(self, entries: Sequence[Archived], signals: Sequence[str]) -> Any:
         with _told(self.where), ExitStack() as opened:
-            files = [self._at(one.file) for one in entries]
-            sources = [opened.enter_context(self._files.open(file)) for file in files]
-            recordings = [read_parquet(Path(file), source) for file, source in zip(files, sources, strict=True)]
-            return read_signals(joined(recordings), signals)
+            paths = [self._at(one.file) for one in entries]
+            sources = [opened.enter_context(self._files.open(path)) for path in paths]
+            recordings = [read_parquet(Path(path), source) for path, source in zip(paths, sources, strict=True)]
+            return read_signals(joined(recordings) if len(recordings) > 1 else recordings[0], signals)
 
     def sql(self, statement: str) -> Any:
         """Answer an SQL statement, as `RunList.sql` does; here the runs are those of the archive."""
@@ -262,12 +250,6 @@ class Archive:
         for folder, _, names in os.walk(self._root) if self._is_local else ():
             if any(name.endswith(PART_ENDING) for name in names):
                 sweep_parts(folder)
-
-    @cached_property
-    def _numbers(self) -> dict[str, frozenset[str]]:
-        """The signals of each run that are numbers, neither texts nor enumerations."""
-        signals = self.frame("signals")
-        return {run: frozenset(some["signal"]) for (run,), some in signals.filter(kind="number").group_by("run")}
 
     def _known(self) -> list[Archived]:
         if self._listed is None:

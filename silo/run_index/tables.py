@@ -66,7 +66,6 @@ T, TIME = "##t", "##time"  # columns that no signal is called like
 _SECONDS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "d": 86400.0}  # in one of each; a date without a time is days
 _NUMBER = re.compile(r"\d+")
 HIVE = ("robot", "date", "run")  # of an archive, by its folders: other readers have a column of each
-_OWN = ("time_ns", "time", "events", *HIVE)  # columns of an archived log that are no signals
 FACTS = tuple(name for name in COLUMNS if name not in ("samples", "wide"))  # those that no log is read for
 
 
@@ -206,26 +205,6 @@ def read_signals(recording: Recording, signals: Sequence[str]) -> Any:
         time = polars.Series(axis).cast(typed(COLUMNS["wide"])["time"])
         made = polars.DataFrame({T: (axis - begin_ns) * 1e-9, TIME: time})
     return made.hstack([_plain(polars, "_", frame).alias(name) for name, frame in zip(found, frames, strict=True)])
-
-
-def read_numbers(file: str, signals: Sequence[str]) -> Any:
-    """Return signals of an archived log that are numbers, from its columns as they lie there, as `read_signals` does.
-
-    None where that can't be done: `read_signals` says what is wrong.
-    """
-    polars = need("polars", EXTRA, "Tables of runs")
-    if any(name in _OWN or name.rpartition("_")[0] in _OWN for name in signals):
-        return None  # the column of the name may be another one
-    try:
-        frame = polars.read_parquet(file, columns=["time_ns", *signals], hive_partitioning=False, glob=False)
-    except (polars.exceptions.PolarsError, OSError):
-        return None
-    if not all(frame[name].dtype.is_numeric() or frame[name].dtype == polars.Boolean for name in signals):
-        return None
-    axis = frame["time_ns"]
-    t = (axis - (axis[0] if len(axis) else 0)) * 1e-9
-    made = polars.DataFrame({T: t, TIME: axis.cast(typed(COLUMNS["wide"])["time"])})
-    return made.hstack([_plain(polars, name, frame) for name in signals])
 
 
 def _whole(log: Log, name: str) -> str:

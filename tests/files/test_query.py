@@ -141,15 +141,9 @@ def test_an_archive_reads_columns_as_the_log_has_them(tmp_path, name):
         if name == "Gain":  # it would find one of two
             with pytest.raises(ElementError, match=r'(?s)"Gain" not found.*"Gain_2"'):
                 drawer.sql('select "Gain" from wide')
-    assert (tables.read_numbers(made._at(made.manifest()[0].file), [name]) is None) == name.startswith("time")
 
 
-def test_what_is_no_column_of_numbers_is_read_as_a_log(archive):
-    file = archive._at(archive.manifest()[0].file)
-    assert tables.read_numbers(file, ["word"]) is None
-    assert tables.read_numbers(file, ["none"]) is None
-    assert tables.read_numbers(file + "x", ["slow"]) is None
-    assert tables.read_numbers(file, []).columns == [tables.T, tables.TIME]
+def test_words_and_numbers_of_a_run_are_read_together(archive):
     assert archive.read("run0.silo", ["slow", "word"])["word"].to_list()[:11] == ["w0"] * 10 + ["w1"]
 
 
