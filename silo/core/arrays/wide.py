@@ -43,20 +43,11 @@ def _resized(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
         made = little.astype(_little(dtype))
     nan = np.flatnonzero(np.isnan(little))
     if len(nan):
-        bits, into = _bits(little.dtype), _bits(made.dtype)
-        raw = np.ascontiguousarray(little[nan]).view(bits.unsigned).astype(np.uint64)
-        sign = (raw >> (bits.size - 1)) << (into.size - 1)
-        fraction, more = raw & ((1 << bits.fraction) - 1), into.fraction - bits.fraction
+        bits, into = np.finfo(little.dtype), np.finfo(made.dtype)
+        raw = np.ascontiguousarray(little[nan]).view(f"<u{little.itemsize}").astype(np.uint64)
+        sign = (raw >> (bits.bits - 1)) << (into.bits - 1)
+        fraction, more = raw & ((1 << bits.nmant) - 1), into.nmant - bits.nmant
         fraction = fraction << more if more > 0 else fraction >> -more
-        made.view(into.unsigned)[nan] = (sign | into.infinity | fraction).astype(into.unsigned)
+        infinity = ((1 << into.nexp) - 1) << into.nmant
+        made.view(f"<u{made.itemsize}")[nan] = sign | infinity | fraction
     return made.astype(dtype, copy=False)
-
-
-class _bits:  # noqa: N801 - reads as a function: the layout of a floating-point type
-    """Sizes in bits of a floating-point type, and infinity's bit pattern."""
-
-    def __init__(self, dtype: np.dtype[Any]) -> None:
-        self.size = 8 * dtype.itemsize
-        self.fraction = {16: 10, 32: 23, 64: 52}[self.size]
-        self.unsigned = np.dtype(f"<u{dtype.itemsize}")
-        self.infinity = self.unsigned.type(((1 << (self.size - 1 - self.fraction)) - 1) << self.fraction)
