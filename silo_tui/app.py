@@ -117,11 +117,9 @@ class SiloApp(Guarded, App[None]):
         is_typed = isinstance(event, events.Key | events.Paste) and not event.is_forwarded
         if is_typed and not self.screen_stack:
             return  # what the gate still had when the last screen went is for nobody
-        if not is_typed or not self._takes(cast("events.Key | events.Paste", event)):
+        typed = cast("events.Key | events.Paste", event)
+        if not is_typed or not (self.gate.keeps(typed) or self.reader.takes(typed)):
             await super().on_event(event)
-
-    def _takes(self, typed: events.Key | events.Paste) -> bool:
-        return self.gate.keeps(typed) or self.reader.takes(typed)
 
     def refresh_css(self, animate: bool = True) -> None:
         """Follow a change of the theme; not that of the beginning."""
@@ -146,8 +144,14 @@ class SiloApp(Guarded, App[None]):
             self.set_timer(START_S, _collect_from_now)
         if not self.is_headless:
             terminal.end_on_signals(loop, self.exit, self.release)
-        if self._file is not None:
-            await self._show_file(self._file)
+        if self._file is not None:  # nothing of it changes by itself
+            from silo_tui.screens.files.file_table import FileTableScreen
+
+            self.context.take_session(self._file)
+            await self.push_screen(FileTableScreen(self._file))
+            self.context.table_changed()
+            self.context.status_changed()
+            self.context.say(self.context.settings_trouble)
             return
         only = await self._opener.only_one()
         if only is None:
@@ -155,16 +159,6 @@ class SiloApp(Guarded, App[None]):
         self._polling = self.set_interval(1 / self._rate_hz, self._poll)
         self.set_interval(1.0, self._second)
         self._opener.search_on(only)
-
-    async def _show_file(self, file: "FileSession") -> None:
-        """Show a log that was opened; nothing of it changes by itself."""
-        from silo_tui.screens.files.file_table import FileTableScreen
-
-        self.context.take_session(file)
-        await self.push_screen(FileTableScreen(file))
-        self.context.table_changed()
-        self.context.status_changed()
-        self.context.say(self.context.settings_trouble)
 
     def _handle_exception(self, error: Exception) -> None:
         """Tell of what nobody foresaw, and go on; only where there is no screen to tell it on, end."""

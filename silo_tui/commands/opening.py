@@ -147,15 +147,11 @@ class Opener:
             found, problem = await self._look()
             if self._app.screen is screen:
                 screen.take(found.loggers, found.advice, problem)
-                self._name_as_listed(found.loggers)
+                session = self._context.logger_session
+                for one in found.loggers:  # the table calls it as the list does: another one of its name may run by now
+                    if session is not None and session.link is not None and one.key == session.link.logger_key:
+                        session.address = one.address if one.alike else ""
             await asyncio.sleep(LOOK_S)
-
-    def _name_as_listed(self, loggers: Sequence[FoundLogger]) -> None:
-        """Have the table call the logger that is open as the list does: another one of its name may run by now."""
-        session = self._context.logger_session
-        for one in loggers:
-            if session is not None and session.link is not None and one.key == session.link.logger_key:
-                session.address = one.address if one.alike else ""
 
     async def _open(self, logger: FoundLogger) -> bool:
         """Open a logger on a new table; return False when it doesn't answer, which is remembered and shown."""

@@ -190,7 +190,8 @@ class TableScreen(ElementsScreen):
     def _survey_came(self, now_s: float) -> None:
         """Draw what was measured; a live order moves rows only while nobody is at the keys, and no prompt is open."""
         rows = self.session.rows
-        if asked := self._is_asked:
+        # a prompt about rows is open, as the editor of a cell, or a dialog over the table
+        if asked := self.app.screen is not self or self.query_one(CellEditor).display:
             self._typed_s = now_s
         is_young = rows.is_young and now_s - self._ordered_s < 2 * SETTLES_S  # of a stopped logger they stay so
         is_known = self._ordered_s and rows.is_measured and not asked and not is_young
@@ -218,11 +219,6 @@ class TableScreen(ElementsScreen):
         if self.inspector.display:  # it writes the value as its row does
             self.inspector.live_changed()
         self.info.refresh()
-
-    @property
-    def _is_asked(self) -> bool:
-        """Whether a prompt about rows is open, as the editor of a cell, or a dialog over the table."""
-        return self.app.screen is not self or self.query_one(CellEditor).display
 
     def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
         """Do what a key asks for; rows don't move under it."""

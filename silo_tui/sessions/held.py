@@ -424,10 +424,6 @@ class HeldSource:
         """The run that was held."""
         return self.main.pin.run if self.main.pin is not None else ""
 
-    @property
-    def _all_here(self) -> bool:
-        return all(piece.complete for piece in self._pieces) and not self._gaps(self.begin_ns, self.end_ns)
-
     def all_pinned(self, name: str) -> Samples | None:
         """All samples of an entry from the oldest that is pinned to the newest; None where not all are here."""
         begin_ns, end_ns = self._pieces[0].begin_ns, self._pieces[-1].end_ns
@@ -451,7 +447,8 @@ class HeldSource:
             sought = replace(one, period_ns=max(one.period_ns, wide_ns))
             return await asyncio.to_thread(found_in, sought, samples, around_ns, most), wide_ns
 
-        return await self._asked_or_here(tuple(looking), self._all_here, ask, look, fetch=True)
+        is_here = all(piece.complete for piece in self._pieces) and not self._gaps(self.begin_ns, self.end_ns)
+        return await self._asked_or_here(tuple(looking), is_here, ask, look, fetch=True)
 
     async def measure(self, names: Sequence[str], a_ns: int, b_ns: int) -> tuple[dict[str, Between], str]:
         """Measure entries between two moments, and return of what the facts are where these aren't all samples.

@@ -570,7 +570,9 @@ class Session:
             self.take_status(event.status)
         elif event.kind not in {EventKind.SAVING, EventKind.SCRIPT_SAVED, EventKind.SAVE_FAILED}:
             await self.refresh_status()
-        if event.kind is EventKind.CONTROL and self._was_given(event):
+        control = self.status.control
+        given = self.has_control and control is not None and event.by != control.who  # by somebody else
+        if event.kind is EventKind.CONTROL and given:
             await self.connection.call(lambda client: client.take_control())  # to renew it from now on
         if event.kind in {EventKind.EDITED, EventKind.SCRIPT_LOADED} or self.status.revision != self.table.revision:
             await self.reload()
@@ -592,10 +594,6 @@ class Session:
     def has_control(self) -> bool:
         """Whether we alone may change the logger."""
         return self.status.control is not None and self.status.control.identity == self.identity
-
-    def _was_given(self, event: Event) -> bool:
-        """Whether somebody else handed control over to us."""
-        return self.has_control and self.status.control is not None and event.by != self.status.control.who
 
     def lose(self) -> None:
         """Note that the link is lost; everything stays as it was."""

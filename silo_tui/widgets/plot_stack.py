@@ -467,9 +467,7 @@ class PlotStack(Guarded, Styled):
     @property
     def chosen_panel(self) -> int:
         """Where the panel with the chosen signal is."""
-        return self._panel_of(self.chosen)
-
-    def _panel_of(self, index: int) -> int:
+        index = self.chosen
         for at, panel in enumerate(self.panels):
             index -= len(panel)
             if index < 0:

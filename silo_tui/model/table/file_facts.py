@@ -64,7 +64,9 @@ class FileFacts:
         if quantity in UNKNOWN:
             return math.nan
         if quantity in {"least", "most"}:
-            return self._of_entries(place, position, quantity)
+            positions = range(len(self._elements[place].entries)) if position < 0 else (position,)
+            name, pick = ("min", np.fmin) if quantity == "least" else ("max", np.fmax)
+            return float(pick.reduce([self._statistics_of(place, each)[name] for each in positions], initial=math.nan))
         if quantity in STATISTICS:
             return self._statistics_of(place, position)[quantity]
         if quantity in ("rate", "share", "jitter"):
@@ -91,12 +93,6 @@ class FileFacts:
         if key not in self._statistics:
             self._statistics[key] = _statistics_of(_entries(self._elements[place], position))
         return self._statistics[key]
-
-    def _of_entries(self, place: int, position: int, quantity: str) -> float:
-        """Return the smallest, or largest, of any entry of an element."""
-        positions = range(len(self._elements[place].entries)) if position < 0 else (position,)
-        name, pick = ("min", np.fmin) if quantity == "least" else ("max", np.fmax)
-        return float(pick.reduce([self._statistics_of(place, each)[name] for each in positions], initial=math.nan))
 
     def _timing_of(self, place: int) -> tuple[float, float]:
         """Return rate in Hz and jitter in s, of all that have the same ticks once; holes count not."""

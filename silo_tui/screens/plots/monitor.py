@@ -132,15 +132,6 @@ class MonitorScreen(PlotScreen):
         else:
             self.say(f"{short}{reaches}{cursor}" if at_edge else "")
 
-    @property
-    def _has_earlier(self) -> bool:
-        return not self.window.paused or self.end_ns - self.window.span_ns > self.held_ns[0]
-
-    @property
-    def _has_later(self) -> bool:
-        """Whether something is later than what is shown: of a logger that goes on while the picture stands still."""
-        return self._looking_back or (self.window.paused and self.end_ns < self.held_ns[1])
-
     async def _look_behind(self) -> None:
         """Hold all that the buffers have, which tells how much that is, and go back in it."""
         self.hold()
@@ -340,7 +331,10 @@ class MonitorScreen(PlotScreen):
             return "Plot more"
         if command.id == "find" and self.size.width >= ROOMY:  # what is found are moments, and no signals
             return "Find value"
-        if (command.id == "earlier" and not self._has_earlier) or (command.id in OF_LATER and not self._has_later):
+        still = self.window.paused
+        if command.id == "earlier" and still and self.end_ns - self.window.span_ns <= self.held_ns[0]:
+            return ""
+        if command.id in OF_LATER and not (self._looking_back or (still and self.end_ns < self.held_ns[1])):
             return ""
         return "" if command.id == "arrange_plots" and len(self.stack.plots) < 2 else super().label_now(command)
 
