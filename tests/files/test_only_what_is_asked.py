@@ -1,6 +1,10 @@
 """Of a log with many signals, each operation reads the values of the signals that it is about, in every format."""
 
 import contextlib
+import itertools
+import math
+import sys
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +79,30 @@ def told(path: Path) -> str:
     with CliRunner().isolation() as (output, *_):
         print_file_info(path, as_json=False)
         return output.getvalue().decode()
+
+
+@pytest.mark.parametrize(("ending", "shape"), [(".mcap", (20, 50)), (".h5", (64, 65))])
+def test_of_a_picture_each_entry_takes_as_much_as_one_of_few(ending, shape, tmp_path):
+    entries = tuple(
+        RecordedEntry(f"/log/image_{k}", Entry(f"_{k}", "<f8"), np.full(2, float(k))) for k in range(math.prod(shape))
+    )
+    one = RecordedElement("/log/image", "", "array", shape, 1, BufferType.LOOPING, 0, entries)
+    with missing_library_skips():
+        writer_for(tmp_path / f"x{ending}")(
+            Recording("image", np.array([0, 10**7]), 2, [one]), tmp_path / f"x{ending}", None
+        )
+    calls = itertools.count()
+    tracemalloc.start()
+    sys.setprofile(lambda *_: next(calls) and None)
+    try:
+        values = silo.open_log(tmp_path / f"x{ending}")["image"].values
+    finally:
+        sys.setprofile(None)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    assert values[1].ravel().tolist() == list(range(math.prod(shape)))
+    assert next(calls) < 500 * len(entries)
+    assert peak < 10_000 * len(entries)
 
 
 def test_names_types_units_and_counts_read_no_value(path, read):

@@ -283,7 +283,8 @@ def write_hdf5(recording: Recording, path: Path, progress: Progress = silent) ->
     # made in memory: the HDF5 library ends the process with a segmentation fault when a disk is full
     memory = io.BytesIO()
     with whole_file(path) as file:
-        with h5py.File(memory, "w") as store:
+        # as of HDF5 1.8, of 2008: before, an attribute held 64 kB, the names of 4000 entries
+        with h5py.File(memory, "w", libver=("v108", "v108")) as store:
             _fill_store(h5py, store, recording, progress)
         file.write(memory.getbuffer())
 
@@ -323,8 +324,12 @@ def read_hdf5(path: Path) -> Recording:
     """Open a file that `write_hdf5` wrote; a data set is read when a signal of it is asked for."""
     h5py = need("h5py", "convert", "HDF5 files")
 
+    @lru_cache(maxsize=1)  # the entries of an element are asked for one behind the other
+    def whole(name: str) -> NDArray[Any]:
+        return _values(store[name])
+
     def column(place: Place, *_: object) -> NDArray[Any]:
-        values = _values(store[place[0]])
+        values = whole(place[0])
         return values if place[1] < 0 else values.reshape(len(values), -1)[:, place[1]]
 
     with told_of(path):
