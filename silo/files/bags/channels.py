@@ -65,9 +65,9 @@ class Values:
             if index not in self.absent:
                 self.skip(index, len(self.missing) - filled)
 
-    @property
+    @cached_property
     def whole(self) -> int:
-        """Samples that all entries have, or that are known to be missing."""
+        """Samples that all entries have, or that are known to be missing; asked for once all chunks are read."""
         room = len(self.missing)
         return min((room if at in self.absent else filled for at, filled in enumerate(self.filled)), default=0)
 
