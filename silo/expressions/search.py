@@ -25,7 +25,7 @@ class Looking:
     are troughs, of what is outside -1 are the last samples that are.
 
     `bounds` are the smallest and the largest value inside; a hole is a time without sample that is longer than 1.5
-    `period_ns`.
+    `period_ns`, and than `level` seconds.
     """
 
     what: Sought
@@ -67,7 +67,7 @@ def places(looking: Looking, time_ns: NDArray[np.int64], values: NDArray[Any], e
     """
     what = looking.what
     if what is Sought.HOLE:
-        return np.flatnonzero(np.diff(time_ns) > LONG_GAP * looking.period_ns)
+        return np.flatnonzero(np.diff(time_ns) > max(LONG_GAP * looking.period_ns, looking.level * 1e9))
     if what is Sought.CHANGE or (what is Sought.EDGE and values.dtype.kind in "SUVb"):
         return _changes(values)
     if values.dtype.kind in ("SUVb" if what is Sought.PEAK else "SUV"):

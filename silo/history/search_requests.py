@@ -38,7 +38,8 @@ class FindMoments(SlowAsk[MomentsFound], frozen=True):
 
     From `start_ns` to `end_ns`, both included. The reply has of each name the `most` moments next to `around_ns`, and
     how many there are in all. `level` and `direction` (1 rising, -1 falling, 0 either) are of a crossing, with peaks
-    -1 is of troughs, of what is outside of the last samples that are; `bounds` of each name are what is inside.
+    -1 is of troughs, of what is outside of the last samples that are; `bounds` of each name are what is inside. A hole
+    is longer than `level` seconds.
     """
 
     names: list[str]

@@ -150,7 +150,9 @@ def test_texts_are_only_looked_through_for_changes_and_holes(what):
     assert found.time_ns.tolist() == wanted.get(what, [])
 
 
-def test_of_a_hole_its_length_is_told():
+def test_of_a_hole_its_length_is_told_and_one_may_look_for_longer_ones_alone():
+    longer = finder_of(Looking(Sought.HOLE, 25e-9, period_ns=PERIOD), np.array([0, 20, 50, 60]), np.zeros(4), [2])
+    assert longer.time_ns.tolist() == [20]
     found = finder_of(Looking(Sought.HOLE, period_ns=PERIOD), np.array([0, 10, 40, 50]), np.zeros(4), [2])
     assert (found.time_ns.tolist(), found.values.tolist()) == ([10], [30])
 

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import Sought
-from silo.expressions.search import LONG_GAP, Looking, Places, places
-from silo_tui.model.drawing.window import SECOND_NS
+from silo.expressions.search import Looking, Places, places
 from silo_tui.model.lists.happened import in_plots, letter, words
 from silo_tui.model.samples.source import PlotSource
 from silo_tui.model.words import text
@@ -122,9 +121,8 @@ class Search:
         if self.what is What.BEYOND:  # of the last stretch its end, of the first where it begins
             beyond = (None, self.level) if self.direction > 0 else (self.level, None)
             return Looking(Sought.OUTSIDE, direction=self.begin, bounds=beyond, period_ns=period_ns)
-        sought = SOUGHT.get(self.what)
-        period_ns = max(period_ns, round(self.least_s * SECOND_NS / LONG_GAP))
-        return Looking(sought, self.level, self.direction, bounds, period_ns) if sought is not None else None
+        sought, level = SOUGHT.get(self.what), self.least_s if self.what is What.HOLE else self.level
+        return Looking(sought, level, self.direction, bounds, max(1, period_ns)) if sought is not None else None
 
     @property
     def words(self) -> str:
