@@ -155,8 +155,8 @@ _BAR = (  # r; what stands in a menu
     "space enter r; m plus minus h,left pageup pagedown end slash p e g v r o a u S w D full_stop escape"
 )
 _GIVES_WAY = (
-    "full_stop add_plot o minus plus end pagedown pageup h,left w D r v monitor mark S space save_data u m "
-    "detail pause slash e p escape turn_down g r; enter closer a"
+    "full_stop add_plot o minus plus end pagedown pageup h,left w D v detail r monitor mark S space save_data u m "
+    "pause slash e p escape turn_down g r; enter closer a"
 )
 BASES: dict[str, Mapping[str, str]] = {"two-layer": TWO_LAYERS, "classic": {}}
 # where the letters mean other things on lists, or are free for keys of the user's own
@@ -243,7 +243,7 @@ def in_bar(scope: str, *, read_only: bool) -> list[tuple[Command, int]]:
         place = next((at for at, key in enumerate(bar) if key.split(",")[0] in keys[:2]), len(bar))
         if command.id in OPENERS.values() and command.id not in _menus_of(scope):
             continue
-        aside = command.id == "start_stop" and scope not in ("table", "monitor")  # there it is one of many
+        aside = command.id == "start_stop" and scope not in ("table", "monitor", "detail", "scope")  # one of many
         name = "" if aside else command.id if command.id in gives_way else bar[place] if place < len(bar) else ""
         found.append((place, gives_way.index(name) + 2 if name else 1, command))
     return [(command, rank) for _, rank, command in sorted(found, key=lambda each: each[0])]

@@ -18,7 +18,7 @@ TABLE = [
     (("inspector",), ("S Stop", "Esc Close", "g Go")),
 ]
 PLOTS = [
-    ((), ("space Pause", "Enter Large", "Esc Back")),
+    ((), ("space Pause", "S Stop", "r Rec", "Esc Back")),
     (("cursor_left",), ("←→ Cursor", "Esc No cursor", "space Pause")),
     (("pause",), ("space Go on", "←→ Cursor", "Esc Live")),
     (("cursor_left", "pause"), ("space Go on", "←→ Cursor", "Esc No cursor")),

@@ -428,7 +428,7 @@ def test_plots_say_at_80_columns_how_one_leaves_them():
 def test_plots_have_what_holds_them_in_the_bar_at_80_columns():
     drawn = Keys()
     drawn.screen = SimpleNamespace(scope="monitor", mode_keys=lambda: (), session=None, label_now=label)
-    assert drawn.render().plain.startswith(" space Pause Enter Large")
+    assert drawn.render().plain.startswith(" space Pause + - Zoom")
 
 
 def test_while_edits_wait_the_bar_says_how_they_are_taken_back():
