@@ -170,10 +170,12 @@ async def test_a_view_is_of_all_elements_and_the_bar_names_the_filter_that_esc_g
 async def test_a_view_that_nothing_passes_says_where_esc_leads(screen, ran_s=12):
     await screen.enter("/torque")
     await screen.do("view")
-    await screen.press("e", shows="No element passes the filter 'edited'", shows="goes back to 'torque'.")
+    await screen.press("e", shows="No element passes the filter 'edited'")
+    await screen.shows("goes back to 'torque'.")
     await screen.press("escape", "escape")
     await screen.do("view")
-    await screen.press("e", shows="clears it.", shows="Esc No filter")
+    await screen.press("e", shows="clears it.")
+    await screen.shows("Esc No filter")
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])

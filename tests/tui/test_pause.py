@@ -11,6 +11,7 @@ from textual.widgets import Input
 from silo.conditions.requests import TriggerTried
 from silo.core.elements import BufferType
 from silo.history.requests import PinOpened
+from silo_tui.actions import key_of
 from silo_tui.screens.dialogs.questions import Prompt
 from silo_tui.screens.lists.events import EventsScreen
 from silo_tui.screens.plots.plot_screen import PlotScreen
@@ -169,7 +170,8 @@ async def test_a_link_that_is_cut_at_once_leaves_the_picture_which_claims_no_sec
     await open_torque(screen)
     await screen.until(lambda: filled(screen), "the whole picture")
     fake.cut()
-    await screen.press("space", shows="only the picture fetched", shows="ago, only the picture held")
+    await screen.press("space", shows="only the picture fetched")
+    await screen.shows("ago, only the picture held")
     await screen.until(lambda: filled(screen), "the whole picture")
     assert "20 s held" not in screen.text
     await screen.do("find", "h", "enter", shows="highest, ")
@@ -250,7 +252,9 @@ async def test_where_no_more_is_held_scrolling_back_says_so_until_it_goes_on_and
     monkeypatch, screen, ran_s=60
 ):
     await open_torque(screen)
-    await screen.press("pageup", shows="that is the oldest: /legs/LF/HAA/torque holds 10 s (buffer looping")
+    await screen.shows(f"10 s held (older: {key_of('recordings')}, if recorded)")
+    await screen.press("pageup")
+    await screen.shows("that is the oldest: /legs/LF/HAA/torque holds 10 s (buffer looping")
     assert "PAUSED" in screen.text
     await screen.press("escape")
     await screen.until(lambda: not monitor(screen).window.paused, "it goes on")
@@ -261,6 +265,8 @@ async def test_where_no_more_is_held_scrolling_back_says_so_until_it_goes_on_and
     monkeypatch.setattr(screen.app.screen.stack, "missing", lambda before: "")
     screen.app._second()
     await screen.until(lambda: "before the start" not in screen.text)
+    await screen.press("minus")  # a span that is held of none of them
+    await screen.shows("has what is saved")
 
 
 async def test_scrolling_back_by_less_than_half_a_window_says_how_far_it_went_and_why(new_fake, opened):
@@ -371,7 +377,8 @@ async def test_a_moment_that_the_buffers_lost_is_said_with_the_oldest_that_is_he
         monkeypatch.setattr(
             EventsScreen, "_is_gone", lambda *_: False
         )  # of other elements it is held, for all it knows
-        await screen.press("enter", shows="overwritten, held is from -19.99", shows=" to 0.000 s")
+        await screen.press("enter", shows="overwritten, held is from -19.99")
+        await screen.shows(" to 0.000 s")
         assert monitor(screen).window.cursor is None
 
 

@@ -238,7 +238,7 @@ class PlotScreen(SiloScreen):
 
     def _words(self) -> Sequence[str]:
         """Return what the line tells, the newest last: that is read whole."""
-        words = [each for each in (self.pause.text, self.cursor_words()) if each]
+        words = [each for each in (self._held_words, self.pause.text, self.cursor_words()) if each]
         total, fitting = len(self.stack.panels), self.stack.fitting
         if total > fitting:
             last = min(total, self.stack.first + fitting)
@@ -257,6 +257,15 @@ class PlotScreen(SiloScreen):
         if self._waiting and not self.line.said:
             words.append(f"{many(len(self._waiting), 'element')} off")
         return words
+
+    @property
+    def _held_words(self) -> str:
+        """How much of what goes on can be looked at, and where the rest may be; a pause, or a file, tells it itself."""
+        if not self.stack.plots or not self.pause.possible or self.pause.source is not None:
+            return ""
+        begin_ns, end_ns = self.held_ns
+        older = f" (older: {key_of('recordings')}, if recorded)" if self.pause.why_no_more(self.stack.plots) else ""
+        return f"{text.span((end_ns - begin_ns) / SECOND_NS, 2)} held{older}"
 
     def cursor_words(self) -> str:
         """Where in time cursor A is; empty where there is none."""
