@@ -321,6 +321,8 @@ async def test_joined_plots_have_letters_and_both_units(monitor):
         await screen.do("j", "isolate_plot")
         await screen.until(lambda: [len(panel) for panel in shown.stack.panels] == [2, 1], "one alone")
         assert shown.stack.chosen_plot.name == "/log/RF/torque"
+        await screen.do("drop_plot")
+        await screen.shows("/RF/torque is left out; m plots it again")
 
 
 async def test_tab_goes_through_the_arrangements_and_back(monitor):

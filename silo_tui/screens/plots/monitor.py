@@ -393,7 +393,9 @@ class MonitorScreen(PlotScreen):
     def command_drop_plot(self) -> None:
         plots = self.stack.plots
         if len(plots) > 1:
+            name = self.session.short_name(self.stack.chosen_plot.name)
             self.stack.keep([plotted for plotted in plots if plotted != self.stack.chosen_plot])
+            self.say(f"{name} is left out; {key_of('add_plot')} plots it again")
             self.fill_soon()
         else:
             self.action_command("back")

@@ -37,6 +37,7 @@ from silo_tui.widgets.messages import MonitorLine
 from silo_tui.widgets.plot_stack import PlotStack, RecordedStack
 
 DEBOUNCE_S = 0.1
+CLOCKED = 100  # cells in which two moments have their times by the clock, too
 
 
 class PlotScreen(SiloScreen):
@@ -373,6 +374,8 @@ class PlotScreen(SiloScreen):
     def gone_words(self, what: str) -> str:
         """Return that a moment is overwritten, or not in a file, and from when to when there are any."""
         first, last = map(self.moment_words, self.held_ns)
+        if self.size.width < CLOCKED:
+            first, last = (each.partition("  ")[0] for each in (first, last))
         if self.file is not None:
             return f"{what}: not in this file, which goes from {first} to {last}"
         return f"{what}: overwritten, held is from {first} to {last}"
