@@ -81,7 +81,7 @@ class Report(Progress):
     """With it, what is told once.
 
     `finished` is a part that was just finished, with why where the next one goes on; `told` what clients are to hear:
-    losses, parts that were closed. `told_run` and `told_tick` say where a loss begins, or a recorder failed or ended,
+    losses, parts that were closed. `told_run` and `told_tick` say where a loss begins, or a part ends, or a recorder,
     of a run that may be over. `done` is a run that stands in parts from end to end.
     """
 

@@ -376,12 +376,10 @@ class EndlessRecordings:
                 recorder.finish_again()
             self._held.changed()
         self._keep_spare(recorder)
-        if report.finished:
-            self._tell(f"recording '{recorder.order.name}': finished {report.finished}")
-        if report.told:
-            # a loss belongs to the run that lacks the ticks, which may be over
-            tick = report.told_tick if report.told_run else None
-            self._tell(f"recording '{recorder.order.name}': {report.told}", run=report.told_run, tick=tick)
+        # a loss, or a part, belongs to the run that lacks the ticks, or has them, which may be over
+        tick = report.told_tick if report.told_run and report.told_tick >= 0 else None
+        for told in filter(None, [report.finished and f"finished {report.finished}", report.told]):
+            self._tell(f"recording '{recorder.order.name}': {told}", run=report.told_run, tick=tick)
 
     def _keep_spare(self, recorder: RecorderProcess) -> None:
         """Have a process ready for the case that a recorder is killed, once one records and has caught up."""

@@ -584,9 +584,8 @@ class Writing:
         self._ledger.end(part.final.name, size, run, {**self._next_rows}, part.rows, part.samples)
         self.totals.part = ""
         if size:
-            self.news.append(
-                News(Report, finished=f"{why and f'a part, it goes on in the next ({why}): '}{part.final}")
-            )
+            told = f"{why and f'a part, it goes on in the next ({why}): '}{part.final}"
+            self.news.append(News(Report, finished=told, told_run=run, told_tick=self._last_tick(part.layout)))
         self._count()
 
     @property
@@ -606,8 +605,11 @@ class Writing:
     def _note_end(self) -> None:
         """Have the last words stand at the last tick that it recorded: others may have come by now, of other runs."""
         if self._layout is not None:
-            last = max((ring.divider * (row - 1) for ring, row in self._next_of(self._layout) if row), default=-1)
+            last = self._last_tick(self._layout)
             self.end_news = News(Report, told_run=self._layout.schema.run, told_tick=last)
+
+    def _last_tick(self, layout: ChannelLayout) -> int:
+        return max((ring.divider * (row - 1) for ring, row in self._next_of(layout) if row), default=-1)
 
     def _fail(self, text: str) -> None:
         """End by itself: what was written is finished, if the disk lets it."""

@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 import zenoh
 
-from silo.core.elements import PARAMETER, LoggedEvent, SavedFile, Status
+from silo.core.elements import PARAMETER, TOLD_LATE_NS, LoggedEvent, SavedFile, Status
 from silo.core.recording import MOST_EVENTS
 from silo.errors import reason
 from silo.files.event_log import append_events, lacking, read_events, renumbered
@@ -223,19 +223,23 @@ class EventNotifier:
     ) -> LoggedEvent:
         """Publish an event with the present status; it stands at `tick`, or at the newest one, of `run` or the present.
 
-        `stamp_ns` is the time stamp of that tick, `time_ns` the wall clock then, where they are known. `logged` is the
+        `stamp_ns` is the time stamp of that tick, `time_ns` the wall clock then, where they are known: else that of a
+        tick that is held. `logged` is the
         number of the line that tells it where that is written already. It happened so many `times`, and is
         `about` a trigger.
         """
         status = self._replica.status()
         newest = status.ticks - 1 if run in ("", self._replica.run) else -1  # of another run nobody knows it here
         begun_ns = time_ns or (status.started_ns if kind is EventKind.STARTED else 0)  # this is told some time after
+        at = newest if tick is None else tick
+        found_ns = 0 if stamp_ns else self._stamp_of(at, run, status)
+        since_ns = status.last_tick_ns - found_ns if found_ns else 0  # its tick, by the clock of the logger
         event = LoggedEvent(
             kind.value,
             text,
-            begun_ns or time.time_ns(),
-            newest if tick is None else tick,
-            stamp_ns or self._stamp_of(newest if tick is None else tick, run, status),
+            begun_ns or time.time_ns() - since_ns * (0 < since_ns < TOLD_LATE_NS),
+            at,
+            stamp_ns or found_ns,
             plain(by) or self._replica.now.robot.logger,
             run or self._replica.run,
             times=times,

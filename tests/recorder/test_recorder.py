@@ -106,6 +106,7 @@ def test_a_new_run_gets_a_part_of_its_own_from_its_first_tick_on(robot, recorder
     robot.ticks(100)
     last = recorder.finish()
     assert (last.lost, last.told_run, last.told_tick) == (0, robot.log._present.run.id, 119)
+    assert [each.told_tick for each in recorder.reports if each.finished] == [199, 119]
     one, two = parts(tmp_path)
     assert truth.span(read_bag(one)) == (0, 200)
     assert truth.span(read_bag(two), first) == (0, 120)

@@ -1,6 +1,7 @@
 """What a recorder tells when there is much to tell, and where what became of it stands."""
 
 import threading
+import time
 from collections import deque
 from types import SimpleNamespace
 
@@ -13,12 +14,14 @@ from silo.recorder.recorder import Recorder
 from silo.recorder.requests import StopRecorder
 from silo.recorder.ring_cursor import RingCursor
 from silo.recorder.server import EndlessRecordings
+from silo.rpc.published import EventKind
 from silo.segment.layout import RingSchema
+from silo.state.events import EventNotifier
 
 
 def test_of_a_disk_that_is_too_slow_for_ever_only_losses_are_left_out():
     recorder = object.__new__(Recorder)
-    news = deque([News(Report, finished="first.mcap")])
+    news = deque([News(Report, finished="first.mcap", told_run="run", told_tick=7)])
     news += [News(Report, told="lost 5 rows", told_run="run", told_tick=tick) for tick in range(30)]
     recorder._writing = SimpleNamespace(
         news=news, end_news=News(Report), totals=Progress(RecorderState.RECORDING), open_bytes=0
@@ -62,6 +65,20 @@ def test_the_end_of_a_recording_stands_where_it_ended_not_where_something_was_lo
     assert published == [place]
     assert recorder.report.state is (RecorderState.FAILED if failed else RecorderState.ENDED)
     assert server._replica.recorders == 0
+
+
+@pytest.mark.parametrize(("tick", "held", "late_ns"), [(100, True, 3 * 10**8), (None, True, 0), (100, False, 0)])
+def test_what_is_told_of_a_tick_has_its_time_by_the_clock_too(tick, held, late_ns, monkeypatch):
+    monkeypatch.setattr(time, "time_ns", lambda: 50 * 10**9)
+    status, notifier = SimpleNamespace(ticks=221, last_tick_ns=10**9), object.__new__(EventNotifier)
+    now = SimpleNamespace(robot=SimpleNamespace(logger="bot"))
+    notifier._replica = SimpleNamespace(
+        run="run", now=now, status=lambda: status, stamp_of=lambda _: 7 * 10**8 if held else 0
+    )
+    notifier.log, notifier._put = SimpleNamespace(add=lambda event: event), lambda *_, **__: None
+    notifier.files_changed = list
+    told = notifier.publish(EventKind.RECORDING, "recording 'walk' ended", tick=tick)
+    assert (told.tick, told.time_ns) == (220 if tick is None else tick, 50 * 10**9 - late_ns)
 
 
 def test_an_end_that_takes_its_time_is_told_until_it_is_over(monkeypatch):
