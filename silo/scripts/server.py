@@ -116,7 +116,7 @@ class ScriptServer(Server, does=[requests]):
             target, now.table.elements, now.robot.conditions,
             own=target.resolve() == self._own_script.resolve(), prefix=now.options.prefix,
         )  # fmt: skip
-        text = f"configuration saved: {target}{kept}"
+        text = f"script saved: {target}{kept}"
         self.events.publish(EventKind.SCRIPT_SAVED, text, by=turn.by)
         return text
 

@@ -324,7 +324,7 @@ async def load_script(context: Context, path: str = "") -> None:
     if not name or diff is None:
         return
     if edits := _pending(context):
-        body = f"{edits} stay pending on top of the configuration."
+        body = f"{edits} stay pending on top of the script."
         if not await confirmed(context.app, "Load over pending edits?", body, "Load"):
             return
     around, cut, unsaved = False, False, Unsaved.REFUSE
@@ -387,20 +387,20 @@ async def save_script(context: Context, path: str | None = None) -> None:
             body += f"\n{current} is what the program reads when it starts again."
         if fields:
             body += f"\n{many(fields, 'pending edit')} will not be in it: apply them first."
-        prompt = Prompt("Save the configuration", body, current, "name.yaml", label="name")
+        prompt = Prompt("Save the script", body, current, "name.yaml", label="name")
         path = await context.app.push_screen_wait(prompt)
     if path is None:
         return
     name = _script_name(path)
-    ending = ": configurations end in .yaml" if name != path else ""
-    title = f"Overwrite {name or 'the configuration'}?"
+    ending = ": scripts end in .yaml" if name != path else ""
+    title = f"Overwrite {name or 'the script'}?"
     said = await keep_on_robot(context, title, "Overwrite", lambda client, again: client.save_script(name, again))
     if said is None:
         return
     fields, _ = session.table.pending_count
     without = f"{many(fields, 'pending edit')} not in it; " if fields else ""  # first: the path may be long
     differs = f"; {key_of('load_script')} shows what differs"
-    context.say(without + (said or f"configuration saved: {name}") + ending + differs)
+    context.say(without + (said or f"script saved: {name}") + ending + differs)
 
 
 async def keep_on_robot(context: Context, title: str, verb: str, keep: Callable[["Client", bool], str]) -> str | None:
@@ -420,7 +420,7 @@ async def restore(context: Context) -> None:
     lent = context.session.lent
     if not lent.gone and not lent.gone_edits:
         context.say(
-            "nothing is gone: what is derived and judged stays with the robot program, or its configuration has it"
+            "nothing is gone: what is derived and judged stays with the robot program, or its script has it"
         )
         return
     done, refused, edits = await lent.restore()
@@ -431,7 +431,7 @@ async def restore(context: Context) -> None:
         left
     )
     told += [f"set again: {and_more(done, 3)}"] * bool(done)
-    told += [f"{key_of('save_script')} keeps it in the configuration"] * bool(edits or done)
+    told += [f"{key_of('save_script')} keeps it in the script"] * bool(edits or done)
     context.say("; ".join(told))
 
 

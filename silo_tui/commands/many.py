@@ -111,8 +111,8 @@ class Many:
     async def _load(self, able: Sequence[FoundLogger], body: Text) -> "Asked | None":
         from silo.client.bulk import loading
 
-        title = f"Load a configuration into {many(len(able), 'logger')}"
-        words = f"{body.plain}The configuration of that name in each one's own folder; those that run refuse."
+        title = f"Load a script into {many(len(able), 'logger')}"
+        words = f"{body.plain}The script of that name in each one's own folder; those that run refuse."
         name = await self._context.app.push_screen_wait(Prompt(title, words, "", "walk.yaml", label="name"))
         if not name:
             return None

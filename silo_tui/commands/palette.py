@@ -3,6 +3,7 @@
 What takes an argument goes on in the command line, with its word typed already.
 """
 
+import re
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
     from silo_tui.screens.lists.help import HelpLine
 
 BY_HELP = 0.25  # of what is told, not done
-BY_WORDS = 0.5  # of the score of a name: who types one means what is called so
+BY_WORDS = 0.5  # what has these letters anywhere, above that
+CALLED, TOLD = 1000.0, 500.0  # above all by letters: a name that has these words, then a sentence
 
 
 class CommandProvider(Provider):
@@ -32,11 +34,17 @@ class CommandProvider(Provider):
             yield DiscoveryHit(Content(title), do, title, escape(words))
 
     async def search(self, query: str) -> Hits:
-        """Return what matches: a name by its letters, a sentence by whole words, as it has most letters anyhow."""
+        """Return what matches: first what has the words that were typed, or their beginnings, in its name, then in its
+        sentence; then a name by its letters, and what has those of each word somewhere.
+        """
         matcher, typed = self.matcher(query), query.lower().split()
+        begins = [re.compile(rf"\b{re.escape(word)}" if word[0].isalnum() else re.escape(word)) for word in typed]
         for title, words, do in (*self._offers(), *self._of_large_plots(), *self._of_others()):
             told = f"{title} {words}".lower()
             score = max(matcher.match(_name(title)), BY_WORDS * all(word in told for word in typed))
+            at = [CALLED] * all(each.search(_name(title).lower()) for each in begins)
+            at += [TOLD] * all(each.search(told) for each in begins)
+            score += max(at, default=0.0)
             if score > 0:
                 yield Hit(score, _lit(matcher, title), do, help=escape(words))
         for line in self._of_help():

@@ -46,7 +46,7 @@ class Demo:
         """Return what to say where its script was there when it began: others saved it."""
         with contextlib.suppress(OSError):
             if script and Path(script).stat().st_mtime < self._began_s:
-                return f"the demo began with {Path(script).name}, a configuration that was saved before"
+                return f"the demo began with {Path(script).name}, a script that was saved before"
         return ""
 
     def ended(self) -> str:

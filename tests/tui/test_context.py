@@ -68,7 +68,7 @@ def nothing_open(desk: Plain) -> None:
         (read_only, "restart_loggers", "this is read-only"),
         (without_link, "filter", None),
         (without_link, "toggle", None),
-        (without_link, "save_script", "Save configuration: no link to robot; ^l tries now"),
+        (without_link, "save_script", "Save script: no link to robot; ^l tries now"),
         (without_link, "refresh", "no link to robot: trying now"),
         (nothing_open, "toggle", ""),
         (nothing_open, "refresh", None),
@@ -104,7 +104,7 @@ def test_where_no_key_tries_the_link_none_is_named(scope, desk):
     without_link(desk)
     desk.sheet.scope = scope
     assert not desk.allows(BY_ID["save_script"])
-    assert desk.heard == "Save configuration: no link to robot"
+    assert desk.heard == "Save script: no link to robot"
 
 
 # -------------------------------------------------------------------------------------------------------- what is told

@@ -152,7 +152,7 @@ def test_a_script_that_can_t_be_read_says_why_in_its_place(fake):
 
 def test_where_there_are_no_scripts_it_is_told_how_one_is_made(fake):
     asked = scripts_question(Straight(fake), Scripts("/config", [], ""))  # type: ignore[arg-type]
-    assert str(asked._body) == "in /config, on the robot: none yet; e w saves the present configuration as one"
+    assert str(asked._body) == "in /config, on the robot: none yet; e w saves the present settings as one"
     assert asked._about is None
 
 

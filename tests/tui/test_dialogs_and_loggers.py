@@ -256,25 +256,31 @@ async def test_applying_tells_that_a_single_trigger_that_fired_watches_again(fak
 async def test_data_is_saved_in_the_types_that_are_chosen_and_that_takes_the_place_of_what_was_to_be_done_before(
     fake, screen, ran_s=12, size=(100, 30)
 ):
-    await screen.press("w", shows="Save data")
-    await screen.shows("what was logged; W saves the configuration instead")
-    await screen.press("W", shows="Save the configuration")
-    await screen.press("escape", "w", "down", "space", shows="space s c b Tick  W Configuration")
+    await screen.press("w")
+    await screen.shows("Save data")
+    await screen.shows("what was logged; W saves the script instead")
+    await screen.press("W")
+    await screen.shows("Save the script")
+    await screen.press("escape", "w", "down", "space")
+    await screen.shows("space s c b Tick  W Script")
     focused = screen.app.screen.focused
     screen.app.screen.field("name").focus()  # where letters are of it
     await screen.until(lambda: "Tick  W" not in screen.text, "the keys that count there")
     await screen.shows("Enter Saves")
     focused.focus()
-    await screen.shows("space s c b Tick  W Configuration")
+    await screen.shows("space s c b Tick  W Script")
     await screen.press("enter")
     await screen.until(lambda: fake.calls)
     assert fake.calls == [("save", [FileType.SILO, FileType.CSV], "")]
     await screen.shows("/home/ann/logs/robot_00001.silo")
     await screen.shows("1.23 MB")
     await screen.shows("o Opens it")
-    await screen.press("escape", "S", "y", shows="stopped; w saves the data")
-    await screen.press("w", "enter", shows="Close")
-    await screen.press("enter", shows="saved: ")
+    await screen.press("escape", "S", "y")
+    await screen.shows("stopped; w saves the data")
+    await screen.press("w", "enter")
+    await screen.shows("Close")
+    await screen.press("enter")
+    await screen.shows("saved: ")
     assert "w saves the data" not in screen.text
 
 
@@ -297,10 +303,11 @@ async def test_o_opens_what_was_saved_once_it_is_and_nothing_before(fake, opened
 
 async def test_a_save_says_that_it_is_of_all_elements_though_some_are_marked_and_what_a_part_is(screen, ran_s=12):
     await screen.do("mark", "mark", "save_data")
-    await screen.shows("all elements, not the 2 marked alone; W saves the configuration instead")
+    await screen.shows("all elements, not the 2 marked alone; W saves the script instead")
     await screen.do("down", "down", "down")
     await screen.type("walk_part4")
-    await screen.press("enter", shows="walk_part4.silo")
+    await screen.press("enter")
+    await screen.shows("walk_part4.silo")
     await screen.shows("a part of a run: applying edits while it logs begins a new file;")
     await screen.shows("any one of them opens all")
 
@@ -369,15 +376,19 @@ async def test_a_script_is_previewed_before_it_is_loaded_and_what_nobody_knows_o
 
 
 async def test_a_script_is_there_as_it_is_saved_and_another_overwritten_only_when_asked(fake, screen, size=(100, 30)):
-    await screen.enter(":load abc", shows="there is no script")
-    await screen.press("W", shows="Save the configuration")
+    await screen.enter(":load abc")
+    await screen.shows("there is no script")
+    await screen.press("W")
+    await screen.shows("Save the script")
     for _ in range(12):
         await screen.press("backspace")
     await screen.enter("abc")
     await screen.until(lambda: "abc.yaml" in fake.files, "the script")
-    await screen.shows("abc.yaml: configurations end in .yaml")
-    await screen.enter(":load abc", shows="abc.yaml says what the logger has already")
-    await screen.enter(":save robot.yaml", shows="Overwrite robot.yaml?")
+    await screen.shows("abc.yaml: scripts end in .yaml")
+    await screen.enter(":load abc")
+    await screen.shows("abc.yaml says what the logger has already")
+    await screen.enter(":save robot.yaml")
+    await screen.shows("Overwrite robot.yaml?")
     await screen.press("y")
     await screen.until(lambda: ("save_script", "robot.yaml", True) in fake.calls)
 
@@ -407,7 +418,8 @@ async def test_the_palette_finds_by_words_of_a_sentence_and_not_by_letters_that_
         for words in shown:
             await screen.shows(words)
         options = screen.app.screen.query_one("CommandList").option_count
-        await screen.type(" shores", shows="No matches found")
+        await screen.type(" shores")
+        await screen.shows("No matches found")
         await screen.press("escape", "escape")
     assert options == 1
 
@@ -419,6 +431,11 @@ async def test_the_palette_finds_what_the_help_has_a_line_for_and_tells_what_is_
         if hidden or line.group == "Move":  # what moves; Excite is found by what is typed
             continue
         assert [hit async for hit in palette.search(line.right)], line
+    for word, first in (("script", 4), ("configuration", 1), ("scr", 4)):  # none that has it within another word
+        hits = sorted([hit async for hit in palette.search(word)], key=lambda hit: -hit.score)
+        told = [f"{hit.prompt} {hit.help}" for hit in hits]
+        assert all(f" {word}" in each for each in told[:first]), told
+        assert [each for each in told if each.startswith("Save script")], told
     await screen.press("ctrl+p")
     await screen.type("so many are logged, of", shows="elements on")
     await screen.press("enter", "enter", shows="elements on: so many are logged, of all")
@@ -473,9 +490,10 @@ async def test_a_dialog_leaves_the_table_to_be_seen_news_of_others_are_told_and_
     fake, screen, size=(120, 40)
 ):
     fake.publish(fake.kinds.EDITED, "3 elements edited", by="ann@here silo-tui 1")
-    fake.publish(fake.kinds.SCRIPT_SAVED, "configuration saved", by="bob@lab silo-tui 9")
-    await screen.shows("configuration saved (bob@lab silo-tui 9)")
-    await screen.press("e", shows="Edit what of /base/orientation?")
+    fake.publish(fake.kinds.SCRIPT_SAVED, "script saved", by="bob@lab silo-tui 9")
+    await screen.shows("script saved (bob@lab silo-tui 9)")
+    await screen.press("e")
+    await screen.shows("Edit what of /base/orientation?")
     lines = screen.text.splitlines()
     assert "/base/orientation" in lines[2]
     title = next(line for line in lines if "Edit what of" in line)

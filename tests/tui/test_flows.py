@@ -375,7 +375,7 @@ def test_a_script_is_loaded_once_its_difference_was_seen(state, path, answers, d
     push = desk.push_screen_wait
 
     async def chosen(dialog: Any) -> Any:  # the list of scripts, whose choices have no keys
-        if isinstance(dialog, Question) and dialog._title == "Load a configuration":
+        if isinstance(dialog, Question) and dialog._title == "Load a script":
             name = desk.answers.pop(0)
             return f"{name}.yaml" if name else None
         return await push(dialog)
@@ -437,7 +437,7 @@ SEES = "e l shows what differs"
             "walk",
             (),
             ("save_script", "walk.yaml", False),
-            "saved /home/ann/config/walk.yaml: configurations end in .yaml",
+            "saved /home/ann/config/walk.yaml: scripts end in .yaml",
         ),
         ("walk.yml", (), ("save_script", "walk.yml", False), "saved /home/ann/config/walk.yml"),
         ("robot.yaml", ("y",), ("save_script", "robot.yaml", True), "saved /home/ann/config/robot.yaml"),
@@ -456,14 +456,14 @@ def test_the_script_of_the_logger_itself_has_no_name(saved):
     saved.files[""] = ""
     desk = Desk(saved, "y")
     assert desk.does(flows.save_script(desk, "")) == f"saved /home/ann/config/; {SEES}"
-    assert desk.asked[0].startswith("Overwrite the configuration?")
+    assert desk.asked[0].startswith("Overwrite the script?")
 
 
 def test_a_script_has_no_pending_edits_and_says_so_before_and_after(saved):
     desk = Desk(saved, "walk.yaml").edit()
     said = desk.does(flows.save_script(desk))
     assert desk.asked == [
-        "Save the configuration\nin /home/ann/config, on the robot\n"
+        "Save the script\nin /home/ann/config, on the robot\n"
         "robot.yaml is what the program reads when it starts again.\n"
         "1 pending edit will not be in it: apply them first.\nrobot.yaml"
     ]
@@ -730,11 +730,11 @@ def begun(asking: many.Many, states: str, what: str) -> None:
         ("r", "save", "a", "Save 1 logger? () No (y) Save as .silo, each in its own folder "
          "(a) Save as silo, csv and bag", f"a saving {[FileType.SILO, FileType.CSV, FileType.BAG]}",
          "save: 1 did, 0 did not, 0 waiting"),
-        ("r", "load", "quiet", "Load a configuration into 1 logger", "a loading quiet.yaml",
+        ("r", "load", "quiet", "Load a script into 1 logger", "a loading quiet.yaml",
          "load: 1 did, 0 did not, 0 waiting"),
-        ("r", "load", "quiet.yml", "Load a configuration into 1 logger", "a loading quiet.yml",
+        ("r", "load", "quiet.yml", "Load a script into 1 logger", "a loading quiet.yml",
          "load: 1 did, 0 did not, 0 waiting"),
-        ("r", "load", "", "Load a configuration into 1 logger", "", ""),
+        ("r", "load", "", "Load a script into 1 logger", "", ""),
     ],
 )  # fmt: skip
 def test_of_many_loggers_each_is_asked_what_the_answer_says(states, what, answer, offered, jobs, said, fake):
@@ -776,9 +776,7 @@ def test_what_is_restored_leaves_edits_of_elements_that_are_not_there_and_says_s
     of_none = [kept.KeptEdit(f"/log/nothing{each}", Field.DIVIDER, 1, 5) for each in range(2)]
     desk.session.lent.gone_edits = [kept.KeptEdit(NAME, Field.DIVIDER, 1, 5), *of_none]
     left = "2 edits left out: of elements that are not there; :restore again once they are"
-    assert desk.does(flows.restore(desk)) == (
-        f"1 edit pending again: a applies; {left}; e w keeps it in the configuration"
-    )
+    assert desk.does(flows.restore(desk)) == (f"1 edit pending again: a applies; {left}; e w keeps it in the script")
     assert desk.session.lent.gone_edits == of_none
     assert desk.does(flows.restore(desk)) == left
 

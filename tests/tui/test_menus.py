@@ -314,10 +314,10 @@ def test_without_a_logger_an_entry_about_one_says_how_to_open_one(reading):
     assert reading.sheet.told[-1].endswith("no logger is open; Enter opens one that is listed")
 
 
-def test_the_menu_of_edits_and_the_words_typed_call_what_is_saved_a_configuration(reading):
+def test_the_menu_of_edits_and_the_words_typed_call_what_is_saved_a_script(reading):
     _, entries = menu(reading, "e")
-    assert {"w  Save configuration", "l  Load configuration"} <= {each.strip() for each in entries}
-    assert BY_ID["save_script"].typed.help == "save the configuration"
+    assert {"w  Save script", "l  Load script"} <= {each.strip() for each in entries}
+    assert BY_ID["save_script"].typed.help == "save the script"
 
 
 @pytest.mark.slow

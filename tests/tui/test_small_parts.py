@@ -113,7 +113,7 @@ def test_a_demo_tells_that_it_began_with_what_was_saved_before(tmp_path):
     assert demo.begun_with("") == demo.begun_with(str(script)) == ""
     script.touch()
     demo._began_s = script.stat().st_mtime + 1.0
-    assert demo.begun_with(str(script)) == "the demo began with demo.yaml, a configuration that was saved before"
+    assert demo.begun_with(str(script)) == "the demo began with demo.yaml, a script that was saved before"
     demo._began_s -= 2.0
     assert demo.begun_with(str(script)) == ""
 

@@ -32,12 +32,12 @@ def scripts_question(link: Link, scripts: Scripts, pending: str = "", prefix: st
     none = (
         ": Enter loads one; below, what it would change"
         if scripts.names
-        else f": none yet; {key_of('save_script')} saves the present configuration as one"
+        else f": none yet; {key_of('save_script')} saves the present settings as one"
     )
     choices = [Choice(name, f"{name}  (current)" if name == current else name) for name in scripts.names]
     body = f"in {scripts.folder}, on the robot{none}"
     body += f"\nKept, whatever is loaded: {pending}" if pending else ""
-    return Question("Load a configuration", body, choices, current, preview if choices else None)
+    return Question("Load a script", body, choices, current, preview if choices else None)
 
 
 def _conditions_text(conditions: Sequence[FieldChange]) -> Text:

@@ -57,11 +57,11 @@ class CheckLine(Guarded, Widget, can_focus=True):
 FOLLOW_S = 0.05
 _PART = re.compile(r"_part\d+$")
 A_PART = "a part of a run: applying edits while it logs begins a new file; opening any one of them opens all"
-CONFIGURATION = "W"  # no small letter: names are typed here, too
+SCRIPT = "W"  # no small letter: names are typed here, too
 TICKS = dict[str, str]()  # the key of each type: the first letter of its name that is free
 for _name in SAVED_NAMES:
     TICKS[next(letter for letter in _name if letter not in ("j", "k", "o", "x", *TICKS))] = _name
-KEYS = f"↑↓ Move  space {' '.join(TICKS)} Tick  {CONFIGURATION} Configuration  Enter Saves  Esc Back"
+KEYS = f"↑↓ Move  space {' '.join(TICKS)} Tick  {SCRIPT} Script  Enter Saves  Esc Back"
 
 KEYS_OF_NAME = "↑↓ Move  Enter Saves  Esc Back"  # letters are of the name
 
@@ -74,7 +74,7 @@ class SaveDialog(Form[list[SavedFile]]):
         Binding("down,j", "app.focus_next", show=False),
         Binding("up,k", "app.focus_previous", show=False),
         *(Binding(letter, f"turn('{name}')", show=False) for letter, name in TICKS.items()),
-        Binding(CONFIGURATION, "configuration", show=False),
+        Binding(SCRIPT, "script", show=False),
         Binding("enter,ctrl+s", "save", show=False),
         Binding("o", "open", show=False),
     ]
@@ -104,7 +104,7 @@ class SaveDialog(Form[list[SavedFile]]):
         yield Static(f"in {folder}, on the robot", classes="quiet", markup=False)
         marked = self.context.session.rows.marked_count
         all_of_it = f"all elements, not the {marked} marked alone" if marked else "what was logged"
-        elsewhere = all_of_it if self._go_on else f"{all_of_it}; {CONFIGURATION} saves the configuration instead"
+        elsewhere = all_of_it if self._go_on else f"{all_of_it}; {SCRIPT} saves the script instead"
         yield Static(elsewhere, classes="quiet", markup=False)
         for kind, one in SAVED.items():
             yield CheckLine(f"{one.name:<5} {one.about}", kind in self._types, f"type-{one.name}")
@@ -178,8 +178,8 @@ class SaveDialog(Form[list[SavedFile]]):
         if self._files is None and not self._saving:
             self.query_one(f"#type-{kind}", CheckLine).action_turn()
 
-    def action_configuration(self) -> None:
-        """Go on to saving the configuration, where nothing was saved yet."""
+    def action_script(self) -> None:
+        """Go on to saving the script, where nothing was saved yet."""
         screen = self.context.upper_screen
         if screen is not None and self._files is None and not (self._saving or self._go_on):
             self.dismiss()
