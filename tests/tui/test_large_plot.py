@@ -54,7 +54,8 @@ async def test_it_lives_on_a_click_puts_the_cursor_there_and_where_a_moment_is_f
     await screen.until(lambda: store().end * store().column_ns >= fake.now_ns, "what came since")
     await screen.pilot.click("PlotStack", offset=(40, 6))
     await screen.shows("at cursor")
-    await screen.press("f", "h", shows="of 3: 40")
+    await screen.press("f", "h", "enter")
+    await screen.shows("of 3: 40")
     at_ns = large(screen).window.at_ns
     assert (at_ns - START_NS) % (4 * 10**9) == 0
     assert large(screen).window.cursor is not None
@@ -85,7 +86,8 @@ async def test_it_begins_where_the_monitor_stands(new_fake, opened):
     fake = new_fake([scalar(TORQUE, "Nm", buffer=BufferType.GROWING)])
     async with opened(fake.run(61)) as screen:
         await screen.plot("m")
-        await screen.press("f", "h", shows="of 16: 40")
+        await screen.press("f", "h", "enter")
+        await screen.shows("of 16: 40")
         for count in range(15, 10, -1):
             await screen.press("left_square_bracket", shows=f"{count} of 16: 40")
         await screen.press("enter", shows="TIME")

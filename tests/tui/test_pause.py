@@ -265,8 +265,6 @@ async def test_where_no_more_is_held_scrolling_back_says_so_until_it_goes_on_and
     monkeypatch.setattr(screen.app.screen.stack, "missing", lambda before: "")
     screen.app._second()
     await screen.until(lambda: "before the start" not in screen.text)
-    await screen.press("minus")  # a span that is held of none of them
-    await screen.shows("has what is saved")
 
 
 async def test_scrolling_back_by_less_than_half_a_window_says_how_far_it_went_and_why(new_fake, opened):

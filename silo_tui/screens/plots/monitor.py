@@ -62,10 +62,7 @@ class MonitorScreen(PlotScreen):
         elif done := self.window.zoom_still(self.held_ns, self.stack.columns, closer=closer):
             self.moved(elsewhere=False)
         if done:
-            begin_ns, end_ns = self.held_ns
-            lacks = self.window.span_ns > end_ns - begin_ns and not closer and self.pause.possible
-            limited = self.pause.why_no_more(self.stack.plots) if lacks else ""
-            self.line.say(f"{limited}; {self._ways_to_more}" if limited else "")
+            self.line.say("")
             self.request_view()
         else:
             whole = "longest span" if self.file is None else "whole file"
@@ -130,14 +127,10 @@ class MonitorScreen(PlotScreen):
         at_edge = not moved or by_ns < span_ns // 2 - column_ns
         limited = self.pause.why_no_more(self.stack.plots) if direction < 0 and self.pause.possible else ""
         if at_edge and limited:
-            self.say(f"{short}that is the oldest: {limited}; {self._ways_to_more}")
+            ways = f"{self.context.key_in_table('edit_size')} holds more, :record records, "
+            self.say(f"{short}that is the oldest: {limited}; {ways}{key_of('recordings')} has what is saved")
         else:
             self.say(f"{short}{reaches}{cursor}" if at_edge else "")
-
-    @property
-    def _ways_to_more(self) -> str:
-        ways = f"{self.context.key_in_table('edit_size')} holds more, :record records"
-        return f"{ways}, {key_of('recordings')} has what is saved"
 
     async def _look_behind(self) -> None:
         """Hold all that the buffers have, which tells how much that is, and go back in it."""
