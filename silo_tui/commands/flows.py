@@ -293,16 +293,21 @@ async def _settle_conflicts(context: Context) -> bool:
 
 async def _chosen_script(context: Context, path: str) -> "tuple[str, ScriptDiff | None]":
     """Return the script to load once its difference was seen, and that; "" for none."""
-    from silo_tui.screens.dialogs.scripts import script_diff_text, scripts_question
+    from silo_tui.screens.dialogs.scripts import AS_BEGUN, script_diff_text, scripts_question
 
-    link, name, seen = context.link, _script_name(path), False
+    link, table, name, seen = context.link, context.session.table, _script_name(path), False
     if not path:
         scripts = await link.read(lambda client: client.scripts())
-        dialog = scripts_question(link, scripts, _pending(context), context.session.table.prefix)
+        otherwise = [name for name, is_edited in zip(table.names, table.edited, strict=True) if is_edited]
+        dialog = scripts_question(link, scripts, _pending(context), table.prefix, otherwise)
         chosen: str | None = await context.app.push_screen_wait(dialog)
         name = chosen or ""
         seen = dialog.told == name
-    if not name:
+    if name == AS_BEGUN:
+        count = table.begin_again()
+        context.table_changed()
+        context.say(f"{many(count, 'edit')} back to what the program began with: {key_of('apply')} applies")
+    if name in ("", AS_BEGUN):
         return "", None
     diff = await link.read(lambda client: client.diff_script(name))
     if not diff.changes and not diff.conditions:

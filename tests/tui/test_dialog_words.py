@@ -30,7 +30,7 @@ from silo_tui.screens.dialogs.questions import (
     groups_text,
 )
 from silo_tui.screens.dialogs.recorder import RecordDialog, Wish
-from silo_tui.screens.dialogs.scripts import script_diff_text, scripts_question
+from silo_tui.screens.dialogs.scripts import AS_BEGUN, script_diff_text, scripts_question
 from silo_tui.screens.files.save_data import SaveDialog
 from tests.stand_ins.desk import ESC, Desk, Straight
 from tests.stand_ins.fake_signals import scalar
@@ -148,6 +148,10 @@ def test_a_script_that_can_t_be_read_says_why_in_its_place(fake):
     assert str(asked._body) == "in /config, on the robot: Enter loads one; below, what it would change"
     assert "It would change 1 element" in asyncio.run(asked._about("quiet.yaml")).plain
     assert asyncio.run(asked._about("gone.yaml")).plain.startswith("It can't be loaded:\nthere is no script")
+    asked = scripts_question(Straight(fake), Scripts("/config", ["quiet.yaml"], ""), "", "/log", ["/log/x", "/log/y"])  # type: ignore[arg-type]
+    assert [one.label for one in asked._choices] == ["as the program began", "quiet.yaml"]
+    told = asyncio.run(asked._about(AS_BEGUN)).plain
+    assert told.split("\n") == ["It would take back what became of 2 elements since:", "/x", "/y"]
 
 
 def test_where_there_are_no_scripts_it_is_told_how_one_is_made(fake):

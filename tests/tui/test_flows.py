@@ -25,6 +25,7 @@ from silo_tui.model.lists.fleet import FoundLogger
 from silo_tui.model.table.fields import Field
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.questions import Question
+from silo_tui.screens.dialogs.scripts import AS_BEGUN
 from silo_tui.sessions import kept
 from silo_tui.sessions.live import Session
 from tests.stand_ins.desk import ESC, LEFT, NAME, SAVED, Desk, Line
@@ -51,6 +52,14 @@ def saved(unsaved):
     """One that stopped, and whose data is in a file."""
     unsaved.saved = True
     return unsaved
+
+
+@pytest.fixture
+def edited(saved):
+    """One that has an element otherwise than its program began with."""
+    first = saved.elements[0]
+    saved.given = {first.name: msgspec.structs.replace(first.options, divider=first.options.divider + 1)}
+    return saved
 
 
 @pytest.fixture
@@ -359,6 +368,7 @@ UNKNOWN = "; not in the table: 1 name of it"
         ("saved", "quiet.yaml", (ESC,), "", ""),
         ("saved", "", ("quiet", "l"), "load_script", f"loaded quiet.yaml: 1 element changed{UNKNOWN}"),
         ("saved", "", (None,), "", ""),
+        ("edited", "", ("/",), "", "1 edit back to what the program began with: a applies"),
         ("saved", "robot.yaml", (), "", "robot.yaml says what the logger has already: nothing to load"),
         ("running", "quiet", ("l", "l"), "load_script and go on",
          f"loaded quiet.yaml: 1 element changed{UNKNOWN}; it goes on"),
@@ -377,7 +387,7 @@ def test_a_script_is_loaded_once_its_difference_was_seen(state, path, answers, d
     async def chosen(dialog: Any) -> Any:  # the list of scripts, whose choices have no keys
         if isinstance(dialog, Question) and dialog._title == "Load a script":
             name = desk.answers.pop(0)
-            return f"{name}.yaml" if name else None
+            return f"{name}.yaml" if name and name != AS_BEGUN else name
         return await push(dialog)
 
     desk.push_screen_wait = chosen  # type: ignore[method-assign]

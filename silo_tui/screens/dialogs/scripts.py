@@ -15,14 +15,22 @@ from silo_tui.model.words.names import below
 from silo_tui.screens.dialogs.questions import Choice, Question, end_words, groups_text
 from silo_tui.sessions.link import Link
 
+AS_BEGUN = "/"  # in place of a name, which it can't be
 
-def scripts_question(link: Link, scripts: Scripts, pending: str = "", prefix: str = "") -> Question:
+
+def scripts_question(
+    link: Link, scripts: Scripts, pending: str = "", prefix: str = "", otherwise: Sequence[str] = ()
+) -> Question:
     """Return the question which script to load, with what the one under the cursor would change in the logger.
 
-    `pending` are edits in words, which no script touches; names are told without `prefix`.
+    `pending` are edits in words, which no script touches; names are told without `prefix`. `otherwise` are elements
+    that the logger has otherwise than its program began with: that is offered first.
     """
 
     async def preview(name: str) -> Text:
+        if name == AS_BEGUN:
+            names = and_more([below(prefix, each) for each in otherwise], 20, "\n")
+            return Text(f"It would take back what became of {many(len(otherwise), 'element')} since:\n{names}")
         try:
             return script_diff_text(await link.read(lambda client: client.diff_script(name)), prefix)
         except SiloError as error:
@@ -34,7 +42,8 @@ def scripts_question(link: Link, scripts: Scripts, pending: str = "", prefix: st
         if scripts.names
         else f": none yet; {key_of('save_script')} saves the present settings as one"
     )
-    choices = [Choice(name, f"{name}  (current)" if name == current else name) for name in scripts.names]
+    choices = [Choice(AS_BEGUN, "as the program began")] * bool(otherwise)
+    choices += [Choice(name, f"{name}  (current)" if name == current else name) for name in scripts.names]
     body = f"in {scripts.folder}, on the robot{none}"
     body += f"\nKept, whatever is loaded: {pending}" if pending else ""
     return Question("Load a script", body, choices, current, preview if choices else None)
