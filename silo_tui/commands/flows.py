@@ -424,9 +424,7 @@ async def restore(context: Context) -> None:
     """Set again what was judged and derived before the robot program started anew."""
     lent = context.session.lent
     if not lent.gone and not lent.gone_edits:
-        context.say(
-            "nothing is gone: what is derived and judged stays with the robot program, or its script has it"
-        )
+        context.say("nothing is gone: what is derived and judged stays with the robot program, or its script has it")
         return
     done, refused, edits = await lent.restore()
     told = [f"refused: {one}" for one in refused]

@@ -504,7 +504,8 @@ async def test_of_an_episode_one_may_say_how_it_went_before_it_was_told_that_it_
 
 
 async def test_without_an_episode_it_is_said_that_there_is_none(running, screen):
-    await screen.press("f5", shows="no episode was begun in this run")
+    await screen.press("f5")
+    await screen.shows("no episode was begun in this run to say good of: begin one first")
 
 
 @pytest.mark.parametrize(("at_s", "scope"), [(None, "events"), (0.0, "file_events")])

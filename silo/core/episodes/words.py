@@ -177,7 +177,7 @@ def next_marks(
     if not there:
         which = f"episode '{name}'" if name else "episode"
         raise ElementError(
-            f"no {which} {'goes on' if word == END else f'was begun in this run that could be {word}'}: begin one"
+            f"no {which} {'goes on' if word == END else f'was begun in this run to say {word} of'}: begin one first"
         )
     one = there[-1]
     if word == END:
