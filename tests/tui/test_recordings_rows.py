@@ -40,6 +40,23 @@ def test_of_the_runs_of_one_robot_the_number_and_the_trigger_are_read_at_80_colu
     assert several[found[0]] == "demo…00001_heavy_1.silo"
 
 
+@pytest.mark.parametrize(
+    ("why", "name", "told"),
+    [
+        ("trigger hip_command", "…00009_hip_command_1", "trigger"), ("trigger fall", "…00009_hip_command_1", "trigger fall"),
+        ("saved by the robot program", "…00009_hip_command_1", "by the program"),
+        ("recording by ann@lab", "…00009…command_1", "recording by ann@lab"),
+    ],
+)  # fmt: skip
+def test_a_name_has_the_room_that_no_reason_needs(why, name, told):
+    found = [one("robot_20260921_14-00-00_00009_hip_command_1", why)]
+    room = rows.why_room(found, {}, 80)
+    (fits,) = rows.fitting_stems([found[0].stem], "robot", rows.name_room(80, room)).values()
+    assert fits == name
+    row = rows.row(found[0], fits, 80, 0.0, why=room)
+    assert row[rows.head(80, room).index("why") - 2 :].startswith(f"{told} ")
+
+
 def test_recordings_that_differ_never_look_alike():
     days = [one(f"robot_2026092{day}_14-00-00_00007") for day in (1, 2)]
     found = [*days, one("a_walk_over_rough_ground"), one("a_walk_over_rough_grass")]

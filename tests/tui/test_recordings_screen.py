@@ -92,8 +92,17 @@ async def test_the_list_says_why_when_how_long_how_large(screen, logs, size):
     assert all(len(line) <= size[0] for line in found)
 
 
+async def test_the_list_begins_with_what_a_program_that_died_left(fake, logs, screen, ran_s=12):
+    fake.state, fake.reason = State.DEAD, f"it was killed; saved: {logs}/robot_20260921_14-00-00_00006.silo"
+    fake.publish(EventKind.CRASHED, fake.reason)
+    await screen.shows("robot died")
+    await at_recordings(screen)
+    assert screen.app.screen.chosen_key.endswith("_00006")  # which others began after
+
+
 async def test_nothing_saved_yet_is_told_with_the_key_that_saves(screen):
-    await screen.do("recordings", shows="Nothing is saved in /home/ann/logs yet. w in the table")
+    await screen.do("recordings")
+    await screen.shows("Nothing is saved in /home/ann/logs yet. w in the table")
 
 
 # ------------------------------------------------------------------------------------------------ opening in place

@@ -6,9 +6,10 @@ Plain functions of what a robot told; nothing is asked or drawn here.
 import itertools
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from silo.core.elements import ROBOT_PROGRAM
 from silo.core.names import grouped
 from silo.core.quantities.writing import EPOCH_FROM_NS, size_text
 from silo.files.formats import FORMATS, SAVED
@@ -17,7 +18,8 @@ from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
 from silo_tui.model.words.names import fitting_names
 
-TYPES_FROM, WHY = 110, 20  # cells from which the types have a column; cells of `why` below that
+TYPES_FROM, WHY = 110, 20  # cells from which the types have a column; cells of `why` below that, at most
+SHORT = 14  # cells of a trigger that is named twice in a line
 _PLACE = re.compile(r"(\d{5,})(?:_part(\d+))?")  # the number of a save, and which part it is of a run that was cut
 _DATED = re.compile(r"(?P<logger>.+?)_\d{8}_\d\d-\d\d-\d\d_(?P<rest>\d{5,}.*)")
 
@@ -47,9 +49,14 @@ def best_file(one: SavedRecording) -> RecordingFile:
     return min(one.files, key=lambda file: FORMATS.index(SAVED[file.type]))
 
 
-def name_room(width: int) -> int:
-    """Return the cells that a name has in the list of recordings."""
-    return _widths(width)[0]
+def name_room(width: int, why: int = WHY) -> int:
+    """Return the cells that a name has in the list of recordings, and `why` one was saved."""
+    return _widths(width, why)[0]
+
+
+def why_room(found: Sequence[SavedRecording], saves: Mapping[str, "PartSave"], width: int) -> int:
+    """Return the cells that all of them need for why they were saved, as far as these may have them."""
+    return min(WHY, max([len("why"), *(len(_why(one, saves.get(one.stem), width)) for one in found)]))
 
 
 def fitting_stems(stems: Sequence[str], own: str, room: int) -> dict[str, str]:
@@ -107,35 +114,45 @@ def marks_text(one: SavedRecording) -> str:
     )
 
 
-def head(width: int) -> str:
+def head(width: int, why: int = WHY) -> str:
     """Return the titles of the columns."""
-    return "  " + _line(("saved", "why", "types", "begun", "span", "size", "marks"), width)
+    return "  " + _line(("saved", "why", "types", "begun", "span", "size", "marks"), width, why)
 
 
-def row(one: SavedRecording, name: str, width: int, now_s: float, of: PartSave | None = None) -> str:
-    """Return a row of `width` cells, without the gutter; `name` as it fits; `of` where other saves are of its part."""
+def _why(one: SavedRecording, of: PartSave | None, width: int) -> str:
+    """Return why it was saved; in few cells without what the name of the save has too, or all would say."""
     why = "not looked into yet" if one.unread else one.why or ("" if one.logger else "of another program")
     if one.unfinished:
         why = "not finished yet"
-    span = text.span(one.span_s, 3) if one.span_s else "-"
+    what, _, trigger = why.partition(" ")
+    if width < TYPES_FROM and what == "trigger" and len(why) > SHORT and f"_{trigger}_" in one.stem:
+        why = what
     which = f"{of.number} of {of.of}, " if of is not None else ""
+    return which + why.removeprefix("saved ").replace(ROBOT_PROGRAM, "the program")
+
+
+def row(
+    one: SavedRecording, name: str, width: int, now_s: float, of: PartSave | None = None, why: int = WHY
+) -> str:  # fmt: skip
+    """Return a row of `width` cells, without the gutter; `name` as it fits; `of` where other saves are of its part."""
+    span = text.span(one.span_s, 3) if one.span_s else "-"
     cells = (
-        name, which + why.removeprefix("saved "), " ".join(file.type.name.lower() for file in one.files),
+        name, _why(one, of, width), " ".join(file.type.name.lower() for file in one.files),
         text.day_and_time(begun_ns(one), now_s), span,
         "part" if one.unfinished else size_text(one.size_bytes), marks_text(one),
     )  # fmt: skip
-    return _line(cells, width)
+    return _line(cells, width, why)
 
 
-def _widths(width: int) -> tuple[int, int]:
+def _widths(width: int, why: int) -> tuple[int, int]:
     """Return the cells of name and why."""
     rest = width - 2 - (59 if width >= TYPES_FROM else 42)
-    why = WHY if width < TYPES_FROM else max(WHY, rest // 3)
+    why = why if width < TYPES_FROM else max(WHY, rest // 3)
     return max(12, rest - why), why
 
 
-def _line(cells: tuple[str, ...], width: int) -> str:
-    name_width, why_width = _widths(width)
+def _line(cells: tuple[str, ...], width: int, why_width: int) -> str:
+    name_width, why_width = _widths(width, why_width)
     name, why, types, begun, span, size, marks = cells
     why = text.cut(why, why_width)
     kinds = f" {types:<16}" if width >= TYPES_FROM else ""

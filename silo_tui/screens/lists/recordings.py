@@ -47,6 +47,7 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
         self._most = FIRST
         self._asking = False  # for the older ones
         self._saves: dict[str, rows.PartSave] = {}
+        self._why = rows.WHY  # cells of it
         self._parts: list[tuple[str, int]] | None = None  # that endless recordings have finished
 
     def above(self) -> ComposeResult:
@@ -69,14 +70,13 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
         return one.stem
 
     def prepare(self, found: Sequence[SavedRecording], width: int) -> None:
-        own, room = self.session.status.logger or self.session.name, rows.name_room(max(40, width))
-        self._names = rows.fitting_stems([one.stem for one in found], own, room)
-        self._saves = rows.saves_of_parts(found)
+        self._saves, own = rows.saves_of_parts(found), self.session.status.logger or self.session.name
+        self._why = rows.why_room(found, self._saves, width)
+        self._names = rows.fitting_stems([one.stem for one in found], own, rows.name_room(max(40, width), self._why))
 
     def row_of(self, one: SavedRecording, width: int) -> Text:
-        words = Text(
-            "  " + rows.row(one, self._names[one.stem], max(40, width), time.time(), self._saves.get(one.stem))
-        )
+        of = self._saves.get(one.stem)
+        words = Text("  " + rows.row(one, self._names[one.stem], max(40, width), time.time(), of, self._why))
         if one.unfinished or one.unread or not self.session.connected:
             words.stylize("dim")
         return words
@@ -85,13 +85,18 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
         return rows.told(one)
 
     def follow(self, known: str, place: int | None) -> int | None:
-        found = super().follow(known, place)
+        """Return it; the list begins with what a program that died left, which the banner has told of."""
+        found, session = super().follow(known, place), self.session
         if known in self._deleted_here:
             self.marks.settle()
+        if place is None and session.dead:
+            told = " ".join([session.status.reason, *(file.path for file in session.left_files)])
+            left = (at for at, one in enumerate(self.shown) if any(f"/{file.name}" in told for file in one.files))
+            found = next(left, found)
         return found
 
     def head(self, width: int) -> str:
-        return rows.head(max(40, width))
+        return rows.head(max(40, width), self._why)
 
     def words(self) -> str:
         saved = rows.summary(self.found) if self.found is not None else ""
