@@ -455,7 +455,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("menus", "backslash", "Menus", "the five menus: go, edit, view, record, plots", "Go", ("any",)),
     Command("menu_go", "", "Go", "the menu of screens, names, files", "Menus", ("any",), 2, does="menus",
             given="menu_go"),
-    Command("menu_edit", "", "Edit", "the menu of what edits elements, or what the cursor is on", "Menus", ("any",), 2,
+    Command("menu_edit", "", "Edit", "the menu of changes to what the cursor is on", "Menus", ("any",), 2,
             does="menus", given="menu_edit"),
     Command("menu_view", "", "View", "the menu of what is shown, and how", "Menus", ("any",), 2, does="menus",
             given="menu_view"),

@@ -204,12 +204,12 @@ def menu(reading, letter):
 
 def test_a_menu_has_its_title_the_way_back_and_values(reading):
     title, entries = menu(reading, "e")
-    assert title.startswith("e  what edits elements, or what the cursor is on")
+    assert title.startswith("e  changes to what the cursor is on ")
     assert (title[-9:], len(title), "( )" in title) == (" Esc back", 78, False)
     assert "d  Divider: 12" in entries
     reading.read_only = True
     title = reading.reader.picture(reading.sheet, 78).plain.split("\n")[0]
-    assert title.startswith("e  what edits elements, or what the…  ( ) not now: type it for why  ")
+    assert title.startswith("e  changes to what the cursor is on  ( ) not now: type it for why  ")
 
 
 @pytest.mark.parametrize("width", [30, 48, 78])
