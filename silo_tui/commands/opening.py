@@ -134,7 +134,8 @@ class Opener:
                 problems = [problem, *(self._failed.get(each.key, "") for each in found.loggers)]
                 # of several of one name one is to be chosen; else all are shown
                 meant = [each for each in found.loggers if each.is_meant_by(self._wanted)]
-                starting = self.demo is not None and not self.demo.ended()
+                fails = chosen is not None and chosen.key in self._failed
+                starting = self.demo is not None and not self.demo.ended() and not fails
                 words = "\n\n".join(filter(None, problems))
                 screen.take(meant or found.loggers, found.advice, words, starting=starting)
             await asyncio.sleep(DEMO_LOOK_S if self.demo is not None and not problem else LOOK_S)

@@ -17,6 +17,7 @@ from silo.core.elements import BufferType, Entry, FileType
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import ConnectionLostError, RefusedError
 from silo.files import write
+from silo.fleet.member import Member
 from silo.rpc.published import EventKind
 from silo_tui import screens as every_screen
 from silo_tui.actions import BY_ID, BY_WORD, COMMANDS, footer_for
@@ -686,7 +687,7 @@ class SlowDemo:
 
 async def test_while_the_demo_starts_the_cursor_is_on_no_logger_of_others(fake, opened):
     async with opened(fake, demo=SlowDemo(), ready=False) as screen:
-        await screen.shows("What is listed runs already, and is another one.")
+        await screen.shows("What is listed is another one.")
         lister = screen.app.screen
         assert (lister.lines.highlighted, lister.chosen) == (None, None)
         offered = screen.text.splitlines()[-1]
@@ -710,7 +711,25 @@ async def test_while_the_demo_starts_nobody_is_told_that_no_logger_runs(opened):
         await screen.shows("No logger is running")
 
 
-async def test_what_shines_through_a_dialog_is_painted_anew_with_it(screen, monkeypatch):
+async def test_why_a_demo_can_t_be_opened_is_told_above_and_not_that_it_will_open(
+    fake, new_finder, opened, monkeypatch
+):
+    def lost(*_):
+        raise ConnectionLostError(why)
+
+    why, demo = "its helper process ended", SlowDemo()
+    monkeypatch.setattr(new_finder, "connect", lost)
+    monkeypatch.setattr(demo, "owns", lambda pid: True)
+    async with opened(fake, demo=demo, ready=False) as screen:
+        await screen.until(lambda: screen.app.screen.scope == "loggers" and why in screen.text)
+        screen.app._opener._finder.members["robot"] = Member(fake.found, problem=why)
+        await screen.until(lambda: screen.app.screen.scope == "loggers" and screen.app.screen.found[0].member.problem)
+        await screen.press("j")
+        await screen.until(lambda: screen.app.screen.scope == "loggers" and why in screen.text)
+        assert (screen.text.count(why), "is starting" in screen.text) == (2, False)  # in its line of the list, too
+
+
+async def test_what_shines_through_a_dialog_is_painted_anew_with_it(monkeypatch, screen):
     table, below, above = (
         screen.app.screen,
         Question("One", "", [Choice("", "Close")]),

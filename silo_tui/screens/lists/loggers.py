@@ -33,7 +33,7 @@ Press {demo} for the demo, a simulated legged robot, or start one:
 
 
 STARTING = "The demo is starting: a simulated legged robot, which opens here by itself."
-OTHERS = "What is listed runs already, and is another one."
+OTHERS = "What is listed is another one."
 
 
 class LoggersScreen(ListScreen[FoundLogger]):
@@ -145,7 +145,10 @@ class LoggersScreen(ListScreen[FoundLogger]):
         """Return it; of the logger that is open why it died in full, which all are told in short."""
         words, session = fleet.details(one), self.context.logger_session
         short = Summary.of(session.status).reason if session is not None else ""
-        return words.replace(short, session.status.reason) if session is not None and short else words
+        words = words.replace(short, session.status.reason) if session is not None and short else words
+        above = " ".join(self._notes.split())  # nothing is told twice
+        between = self.message.BETWEEN
+        return between.join(part for part in words.split(between) if part not in above)
 
     def named(self, key: str) -> str:
         return next((one.address for one in self._all if one.key == key), "what was there")
