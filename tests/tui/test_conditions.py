@@ -466,15 +466,28 @@ class TestScreens:
             await done(screen)
             await screen.press("T", shows="No triggers")
 
-    async def test_a_form_tells_what_the_field_means_that_has_the_keys_and_what_limits_without_a_bound_do(self, screen):
-        await screen.press("A", "N", shows="signal: a name as the table shows it")
-        await screen.press("tab", shows="LL: red below this")
-        await screen.press("up", shows="signal: a name as the table shows it")
-        await screen.press("down", shows="LL: red below this")
-        await screen.press("escape", "N", shows="Limits of a signal")
-        await screen.type("legs/LF/HAA/torque")
-        await screen.press(*["tab"] * 7)
-        await screen.type("1s", shows="no bound: it is an alarm where it stays the same for so long")
+    async def test_a_form_tells_what_the_field_means_that_has_the_keys_and_what_limits_without_a_bound_do(
+        self, fake, opened
+    ):
+        async with opened(fake) as screen:
+            await screen.press("A", "N")
+            await screen.shows("signal: a name as the table shows it")
+            await screen.press("tab")
+            await screen.shows("LL: red below this")
+            here = [
+                str(label.id) for label in screen.app.screen.query(".form-label") if label.styles.text_style.reverse
+            ]
+            assert here == ["label-LL"]  # who types sees where, whatever the colours
+            await screen.press("up")
+            await screen.shows("signal: a name as the table shows it")
+            await screen.press("down")
+            await screen.shows("LL: red below this")
+            await screen.press("escape", "N")
+            await screen.shows("Limits of a signal")
+            await screen.type("legs/LF/HAA/torque")
+            await screen.press(*["tab"] * 7)
+            await screen.type("1s")
+            await screen.shows("no bound: it is an alarm where it stays the same for so long")
 
     async def test_more_marked_alarms_than_plots_are_told(self, fake, opened):
         names = [info.name + info.entries[0].suffix for info in fake.elements[:9]]

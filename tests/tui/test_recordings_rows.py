@@ -43,7 +43,8 @@ def test_of_the_runs_of_one_robot_the_number_and_the_trigger_are_read_at_80_colu
 @pytest.mark.parametrize(
     ("why", "name", "told"),
     [
-        ("trigger hip_command", "…00009_hip_command_1", "trigger"), ("trigger fall", "…00009_hip_command_1", "trigger fall"),
+        ("trigger hip_command", "…00009_hip_command_1", "trigger"),
+        ("trigger fall", "…00009_hip_command_1", "trigger fall"),
         ("saved by the robot program", "…00009_hip_command_1", "by the program"),
         ("recording by ann@lab", "…00009…command_1", "recording by ann@lab"),
     ],

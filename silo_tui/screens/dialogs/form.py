@@ -178,7 +178,9 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
         self._start = str(event.widget.id).removeprefix("form-")
         for label in self.query(".form-label").results(Static):  # colours alone don't reach everybody
-            label.update(self._label(str(label.id).removeprefix("label-")))
+            name = str(label.id).removeprefix("label-")
+            label.update(self._label(name))
+            label.set_class(name == self._start, "here")
         for line in self.query("#form-about").results(Static):
             line.update(self._about)
 
