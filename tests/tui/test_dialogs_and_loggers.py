@@ -37,9 +37,15 @@ FIRST = "/log/base/orientation"
 EATEN = {"ctrl+h", "ctrl+i", "ctrl+j", "ctrl+m", "ctrl+enter"}
 
 
-async def test_without_a_logger_it_is_said_what_to_start_and_whom_to_ask_and_the_first_is_opened(fake, opened):
+async def test_without_a_logger_it_is_said_what_to_start_and_whom_to_ask_and_the_first_is_opened(
+    fake, opened, tmp_path
+):
+    (tmp_path / "silo-logs").mkdir()
+    for number in range(6, 10):
+        (tmp_path / "silo-logs" / f"robot_20260921_14-00-0{number}_0000{number}.silo").touch()
+    newest = "Saved in ./silo-logs: robot_20260921_14-00-09_00009.silo"
     async with opened(ready=False) as screen:
-        for words in ("silo demo", "log.serve()", "No logger is running"):
+        for words in ("silo demo", "log.serve()", "No logger is running", newest, "_00008.silo and 2 more; F3 lists"):
             await screen.shows(words)
         screen.app._finder.advice = ("root has a logger here: ask for group access (serve(group=...))",)
         await screen.shows("ask for group access")

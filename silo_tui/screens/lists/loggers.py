@@ -5,6 +5,8 @@ Shown when there are several, and while there is none: then it says what to star
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -12,6 +14,9 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.widgets import Static
 
+from silo.core.quantities.writing import and_more
+from silo.errors import SiloError
+from silo.files.naming import find_logs
 from silo.rpc.published import Summary
 from silo_tui.actions import BY_ID, Command, key_of
 from silo_tui.model.lists import fleet
@@ -29,7 +34,9 @@ Press {demo} for the demo, a simulated legged robot, or start one:
     log = silo.Logger("arm", frequency=500)
     log.serve()
 
-{quit} quits."""
+{saved}{quit} quits."""
+# where one looks for what was saved, and its name; the second is that of the demo
+FOLDERS = {".": "this folder", "silo-logs": "./silo-logs"}
 
 
 STARTING = "The demo is starting: a simulated legged robot, which opens here by itself."
@@ -65,7 +72,8 @@ class LoggersScreen(ListScreen[FoundLogger]):
     ) -> None:
         """Show what was found; `starting`: the demo is on its way."""
         self.found, self._starting = tuple(found), starting
-        waiting = WAITING.format(demo=key_of("demo"), quit=key_of("quit"))
+        saved = "" if found or starting else self._saved
+        waiting = WAITING.format(demo=key_of("demo"), quit=key_of("quit"), saved=saved)
         advice = f"{STARTING} {OTHERS}" if starting and found else STARTING if starting else "" if found else waiting
         if len(found) > 1 and self._wanted and all(one.is_meant_by(self._wanted) for one in found):
             last = found[-1]
@@ -83,6 +91,15 @@ class LoggersScreen(ListScreen[FoundLogger]):
         # what went wrong stands above what one could do
         self._notes = ("\n" if found else "\n\n").join(filter(None, [problem, advice, *forbidden]))
         self.show()
+
+    @cached_property
+    def _saved(self) -> str:
+        """What was saved here, the newest first, and the key that lists it; empty where nothing was."""
+        for folder, where in FOLDERS.items():
+            with suppress(SiloError, OSError):
+                names = [path.name for path in find_logs(".", folder)[::-1]]
+                return f"Saved in {where}: {and_more(names, 2)}; {key_of('runs', last=True)} lists them.\n\n"
+        return ""
 
     def show(self) -> None:
         self._all = [replace(one, answer=self.answers.get(one.key, "")) for one in self.found]
