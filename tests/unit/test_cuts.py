@@ -531,19 +531,6 @@ def test_too_many_elements_are_refused_with_the_way_out(new_logger):
         logger.set("a0", divider=2, cut=True)
 
 
-def test_what_changes_nothing_cuts_nothing_and_a_stopped_logger_is_just_changed(new_logger):
-    logger = new_logger()
-    loop = Loop(logger)
-    loop.turn(2)
-    assert logger.set("x", divider=1, cut=True) == 0
-    assert len(logger._present.stretches) == 1
-    with pytest.raises(StateError, match="while logger 'test' runs"):
-        logger.set("x", divider=2)
-    logger.stop()
-    assert logger.set("x", divider=2, cut=True) == 1
-    assert len(logger._present.stretches) == 1
-
-
 def test_a_script_is_loaded_at_a_cut_with_its_conditions_or_not_at_all(new_logger, tmp_path):
     logger = new_logger()
     loop = Loop(logger)
@@ -592,20 +579,6 @@ def test_counts_are_of_all_stretches_and_a_start_begins_anew(new_logger, tmp_pat
     if unsaved == "save":
         loop.whole(tmp_path)
     assert len(list(tmp_path.glob("*_part?.silo"))) == (4 if unsaved == "save" else 0)
-
-
-def test_a_start_that_refuses_tells_of_what_was_logged_before_the_cut_too(new_logger):
-    logger = new_logger()
-    loop = Loop(logger)
-    for divider in (2, 1):
-        loop.turn(30)
-        logger.set("x", divider=divider, cut=True)
-    loop.turn(39)
-    logger.stop()
-    words = r"of 39 ticks since the last applied change, and 60 ticks before that, .*unsaved='save' or 'clear'"
-    with pytest.raises(silo.errors.UnsavedError, match=words):
-        logger.start(unsaved="refuse")
-    assert logger.ticks == 99
 
 
 @pytest.mark.slow
@@ -657,18 +630,6 @@ def test_a_stretch_that_is_cut_off_while_the_helper_is_asked_to_save_is_saved_to
         loop.turn()
         logger.save()
         loop.whole(tmp_path)
-
-
-def test_a_run_that_was_saved_before_the_first_tick_after_its_cut_and_again_is_one_line(new_logger, tmp_path):
-    logger = new_logger()
-    loop = Loop(logger)
-    loop.turn(30)
-    logger.set("x", divider=2, cut=True)
-    logger.save()
-    loop.turn(40)
-    logger.save()
-    (one,) = silo.runs(tmp_path)
-    assert (one.facts.ticks, len(one.files)) == (70, 2)
 
 
 @pytest.mark.parametrize("ticks", [0, 30])
@@ -740,20 +701,6 @@ def test_stamps_of_slow_elements_count_among_what_a_client_asks_for(new_logger, 
     assert logger._scripted.apply(asked_for(1_000_000), who="alice@laptop") == 1  # 24 MB
     with pytest.raises(ElementError, match=r"would take 1\d GB, from a client 50 MB at most"):
         logger._scripted.apply(asked_for(1_000_000, 1000), who="alice@laptop")
-
-
-def test_an_edit_by_a_client_says_who_asked(new_logger, tmp_path):
-    logger = new_logger()
-    loop = Loop(logger)
-    loop.turn(2)
-    info = logger.elements[1]
-    logger._scripted.apply([Edit(info.name, silo.ElementOptions(divider=5))], cut=True, who="alice@laptop")
-    loop.turn()
-    logger.save("silo", name="walk")
-    assert sorted(path.name for path in tmp_path.glob("walk*")) == ["walk_part1.silo", "walk_part2.silo"]
-    (event,) = [event for event in loop.whole(tmp_path).recording.events if event.kind == "cut"]
-    assert (event.tick, event.who) == (2, "alice@laptop")
-    assert "/log/x divider 1 -> 5" in event.text
 
 
 def test_the_parts_of_a_run_are_one_log_with_the_stamps_of_each(new_logger, tmp_path):
@@ -830,16 +777,6 @@ def test_files_that_told_in_words_which_stretch_they_are_are_one_log(new_logger,
     told = replace(log.recording, about=log.recording.told_about, stretch=None)
     silo.Log(told).save(tmp_path / "whole.npz")
     assert silo.open_log(tmp_path / "whole.npz").recording.stretch == log.recording.stretch
-
-
-def test_what_a_program_says_of_a_cut_stays_beside_that_its_run_was_cut(new_logger, tmp_path):
-    logger = new_logger(about={"cut": "diamond"})
-    loop = Loop(logger)
-    loop.turn()
-    logger.set("x", divider=3, cut=True)
-    loop.turn()
-    logger.save()
-    assert loop.whole(tmp_path).recording.told_about["cut"] == "diamond"
 
 
 OVERWRITTEN = "looping buffers, which keep what is newest, had overwritten"
@@ -946,21 +883,6 @@ def test_derived_signals_look_back_over_the_cuts_of_a_run(windowed):
         assert np.isnan(log[name].values).nonzero()[0].tolist() == [0]
         assert log[name].values[1:].tolist() == [1] * 59
     assert len(log.eval("n + x")) == 60
-
-
-def test_a_run_of_which_an_element_became_slower_at_a_cut_is_a_table(tmp_path):
-    ticks = itertools.count()
-    log = silo.Logger("t", folder=tmp_path, script=tmp_path / "no.yaml", clock=lambda: 10**18 + next(ticks) * 10**7)
-    n, x = log.array("n", buffer="growing"), log.array("x", buffer="growing")
-    log.start()
-    for tick in range(50):
-        if tick == 20:
-            log.set("x", divider=2, cut=True)
-        n[...] = x[...] = tick
-        log.collect()
-    log.save()
-    log.close()
-    assert silo.open_log(tmp_path).to_polars()["/log/x"].to_list()[18:24] == [18, 19, 20, None, 22, None]
 
 
 @pytest.mark.filterwarnings("ignore::silo.LogWarning")

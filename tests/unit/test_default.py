@@ -28,14 +28,6 @@ def init(tmp_path):
     return make
 
 
-def test_before_init_nothing_is_logged():
-    silo.add(np.zeros(1), "x")
-    silo.start()
-    silo.collect()
-    assert isinstance(silo.get_logger(), NullLogger)
-    assert silo.array("q", 2).tolist() == [0, 0]
-
-
 def test_a_function_is_documented_as_the_method_that_it_calls():
     for name in ("add", "start", "save"):
         function, method = getattr(silo, name), getattr(Logger, name)
@@ -63,24 +55,6 @@ def test_a_second_init_closes_the_first_logger(init):
     first.start()
     init("second")
     assert not first.is_running
-
-
-def test_restart_clears(init):
-    log = init()
-    silo.array("x")
-    silo.start()
-    silo.collect()
-    silo.restart()
-    assert log.ticks == 0
-
-
-def test_save_writes_the_files(init):
-    init()
-    silo.array("x")
-    silo.start()
-    silo.collect()
-    (saved,) = silo.save("silo")
-    assert saved.path.endswith(".silo")
 
 
 def test_get_logger_is_the_default_logger_with_every_method(init):

@@ -70,16 +70,6 @@ def test_a_logger_of_ones_own_logs_its_own_attributes(tmp_path):
         logger.close(discard=True)
 
 
-def test_a_name_that_is_meant_is_told_before_the_first_start_too(new_logger):
-    logger = new_logger()
-    logger.array("q", 3)
-    with pytest.raises(ElementError, match="no element 'Q'; did you mean '/log/q'"):
-        logger["Q"]
-    logger.start()
-    with pytest.raises(ElementError, match="no element 'Q'; did you mean '/log/q'"):
-        logger["Q"]
-
-
 def test_a_null_logger_invents_no_element():
     log = NullLogger()
     log.array("q", 3)

@@ -140,20 +140,6 @@ def test_the_oldest_make_room_first(held_run, monkeypatch) -> None:
     assert [SegmentReader(path).dropped for path in paths] == [True] * 4
 
 
-def test_a_small_run_makes_room_once(new_logger, monkeypatch) -> None:
-    monkeypatch.setattr(held, "bound_of", lambda folder: (1, 10**12))
-    log = new_logger("small", frequency=1000, max_time=0)
-    log.array("x", 1, buffer="looping", size=100)
-    paths, gone = [], []
-    for _ in range(4):
-        log.start()
-        log.collect()
-        log.stop()
-        paths.append(log._present.run.drop(held=True))
-        gone.append(trim(paths, in_memory=True))
-    assert gone == [[], paths[:1], paths[1:2], paths[2:3]]
-
-
 def test_of_stubs_there_are_no_more_than_their_bound(held_run, monkeypatch) -> None:
     paths = [held_run(600) for _ in range(4)]
     monkeypatch.setattr(held, "STUBS", 2)

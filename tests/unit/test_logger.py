@@ -58,13 +58,6 @@ def test_what_would_change_a_running_logger_is_refused(counting, call, words):
     assert str(caught.value) == words
 
 
-def test_start_updates_the_table_the_first_time(new_logger):
-    logger = new_logger()
-    logger.array("x")
-    logger.start()
-    assert len(logger.elements) == 1
-
-
 def test_what_is_added_while_running_waits_for_the_next_update(counting):
     logger = counting()
     logger.add(np.zeros(1), "later")
@@ -154,19 +147,6 @@ def test_what_was_logged_of_a_removed_element_can_still_be_saved(new_logger):
     assert [e.name for e in logger.snapshot().elements] == ["/log/x"]
 
 
-def test_a_closed_logger_can_not_be_started(new_logger):
-    logger = new_logger()
-    logger.close()
-    with pytest.raises(StateError, match="logger 'test' is closed; make a new one"):
-        logger.start()
-
-
-def test_closing_twice_is_fine(counting):
-    logger = counting()
-    logger.close()
-    logger.close()
-
-
 def test_a_closed_logger_still_tells_what_it_did(counting):
     logger = counting()
     collect(logger, 3)
@@ -186,14 +166,6 @@ def test_the_data_of_a_closed_logger_is_gone(counting, new_logger, has_run, call
         call(logger)
 
 
-def test_collect_of_a_closed_logger_does_nothing(counting):
-    logger = counting()
-    kept = logger.collect
-    logger.close()
-    kept()
-    logger.collect()
-
-
 @pytest.mark.parametrize("call", [lambda log: log.snapshot(), lambda log: log.save()])
 def test_there_is_no_data_before_the_first_start(new_logger, call):
     with pytest.raises(
@@ -202,24 +174,11 @@ def test_there_is_no_data_before_the_first_start(new_logger, call):
         call(new_logger())
 
 
-def test_a_logger_is_a_context_manager_that_closes(new_logger):
-    with new_logger() as logger:
-        logger.array("x")
-        logger.start()
-    assert list_segments() == []
-
-
 def test_the_segment_is_deleted_when_the_logger_closes(counting):
     logger = counting()
     assert list_segments() == [Path(logger._present.path)]
     logger.close()
     assert list_segments() == []
-
-
-def test_a_restart_leaves_one_segment(counting):
-    logger = counting()
-    logger.restart()
-    assert list_segments() == [Path(logger._present.path)]
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt, SystemExit])

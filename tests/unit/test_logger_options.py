@@ -11,10 +11,6 @@ from silo.core.elements import Action, BufferType, Edit, ElementOptions
 from silo.core.runtime import list_segments
 from silo.errors import ElementError, ScriptError, SourceError, StateError
 from silo.settings.script import read_script
-from tests.stand_ins.ticking import collect, values
-
-ROOT = Path(__file__).resolve().parents[2]
-
 
 # ------------------------------------------------------------------------------------------------------- options
 
@@ -66,13 +62,6 @@ def test_paths_are_absolute_from_the_start(new_logger, monkeypatch, tmp_path):
     assert (options.folder, options.script) == (str(tmp_path / "logs"), str(tmp_path / "a.yaml"))
 
 
-def test_an_empty_prefix_leaves_names_bare(new_logger):
-    logger = new_logger(prefix="/")
-    logger.array("q", group="g")
-    logger.update()
-    assert logger.elements[0].name == "/g/q"
-
-
 def test_defaults_are_those_of_the_original(new_logger):
     logger = new_logger(frequency=200)
     logger.array("q")
@@ -119,24 +108,6 @@ def test_every_edit_is_refused_while_the_logger_runs(counting, call):
         call(counting())
 
 
-def test_a_disabled_element_is_not_collected(counting):
-    logger = counting()
-    logger.stop()
-    logger.set("x", enabled=False)
-    logger.start()
-    logger.collect()
-    assert logger.snapshot().elements == []
-
-
-def test_an_edit_takes_effect_at_the_next_start(counting):
-    logger = counting()
-    logger.stop()
-    logger.set("x", divider=2)
-    logger.start()
-    collect(logger, 5)
-    assert len(values(logger)) == 3
-
-
 def test_edits_are_one_transaction(counting):
     logger = counting()
     logger.stop()
@@ -144,13 +115,6 @@ def test_edits_are_one_transaction(counting):
     with pytest.raises(ElementError, match="element '/log/y': the table has no such element; nothing was changed"):
         logger._scripted.apply([good, Edit("/log/y", ElementOptions())])
     assert logger.elements[0].options.divider == 1
-
-
-def test_an_unknown_option_is_refused_with_those_that_there_are(counting):
-    logger = counting()
-    logger.stop()
-    with pytest.raises(ElementError, match="no setting 'sizes'; did you mean 'size'"):
-        logger.set("x", sizes=3)
 
 
 # -------------------------------------------------------------------------------------------------------- script
@@ -289,16 +253,6 @@ def test_names_that_the_table_lacks_are_returned_and_warned_of(new_logger, tmp_p
     unknown, off = read_script(script).warnings
     assert caplog.messages == [unknown, off, f"{script}:2: no element '/log/gone'; it is left out"]
     assert {record.levelno for record in caplog.records} == {logging.WARNING}
-
-
-def test_a_saved_script_is_the_configuration(new_logger, tmp_path):
-    logger = new_logger()
-    logger.array("x", divider=7, enabled=False)
-    logger.update()
-    written = logger.save_script(tmp_path / "saved.yaml")
-    logger.set("x", divider=1, enabled=True)
-    logger.load_script(written)
-    assert (logger.elements[0].options.divider, logger.elements[0].options.enabled) == (7, False)
 
 
 # ----------------------------------------------------------------------------------------------------------- names

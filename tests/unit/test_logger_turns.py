@@ -3,20 +3,15 @@
 import os
 import signal
 import threading
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import silo
 from silo.core.elements import BufferType
 from silo.errors import StateError
 from silo.segment import writer
 from tests.stand_ins.ticking import Robot, collect, values
 from tests.waiting import DEADLINE_S
-
-ROOT = Path(__file__).resolve().parents[2]
-
 
 # ------------------------------------------------------------------------------------------- stopping by itself
 
@@ -47,15 +42,6 @@ def test_a_logger_of_looping_buffers_never_stops_by_itself(counting):
     logger = counting({"frequency": 10, "max_time": 2}, size=5)
     collect(logger, 1000)
     assert (logger.ticks, values(logger)) == (1000, [995, 996, 997, 998, 999])
-
-
-def test_a_logger_that_stopped_by_itself_can_be_edited_and_started(counting):
-    logger = counting(buffer=BufferType.FIXED, size=4)
-    collect(logger, 10)
-    logger.set("x", size=6)
-    logger.start()
-    collect(logger, 10)
-    assert len(values(logger)) == 6
 
 
 def test_the_segment_says_why_it_ended(counting):
@@ -156,16 +142,6 @@ def test_a_clock_that_fails_leaves_the_tick_to_the_next_call(new_logger):
     assert logger.snapshot().time_ns.tolist() == [10, 30]
 
 
-def test_a_kept_collect_goes_on_with_the_next_run(counting):
-    logger = counting()
-    kept = logger.collect
-    kept()
-    logger.restart()
-    kept()
-    kept()
-    assert logger.ticks == 2
-
-
 def test_a_kept_collect_of_a_stopped_logger_does_nothing(counting):
     logger = counting()
     kept = logger.collect
@@ -231,35 +207,6 @@ def test_a_forked_child_does_not_write_into_its_parents_buffers(counting):
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
     logger.collect()
     assert values(logger) == [0, 1, 2, 3]
-
-
-@pytest.mark.slow
-def test_a_forked_child_does_not_delete_its_parents_segment(counting):
-    logger = counting()
-    child = os.fork()
-    if child == 0:
-        try:
-            logger.close()
-        finally:
-            os._exit(0)
-    os.waitpid(child, 0)
-    assert Path(logger._present.path).exists()
-
-
-@pytest.mark.slow
-def test_a_forked_child_may_have_a_logger_of_its_own(new_logger, counting, tmp_path):
-    counting().collect()
-    child = os.fork()
-    if child == 0:
-        try:
-            with silo.Logger("child", folder=tmp_path, script=tmp_path / "none") as own:
-                own.array("x")
-                own.start()
-                own.collect()
-                os._exit(0 if own.ticks == 1 else 1)
-        finally:
-            os._exit(2)
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
 def test_ctrl_c_anywhere_in_collect_leaves_whole_rows(new_logger):

@@ -1,18 +1,12 @@
 """What a logger gives away: new values, files."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import silo
-from silo.core.elements import Action
 from silo.errors import ElementError, StateError
 from silo.logger.run_data import RunData
-from tests.stand_ins.ticking import collect, values
-
-ROOT = Path(__file__).resolve().parents[2]
-
+from tests.stand_ins.ticking import collect
 
 # ----------------------------------------------------------------------------------------------------- new values
 
@@ -30,13 +24,6 @@ def test_values_that_were_overwritten_before_they_were_read_are_counted(counting
     collect(logger, 12)
     new = logger.read_new_values("x")
     assert (new.values.tolist(), new.missed) == ([7, 8, 9, 10, 11], 7)
-
-
-def test_reading_new_values_takes_nothing_from_the_snapshot(counting):
-    logger = counting()
-    collect(logger, 3)
-    logger.read_new_values("x")
-    assert values(logger) == [0, 1, 2]
 
 
 def test_new_values_begin_anew_with_each_start(counting):
@@ -66,43 +53,13 @@ def test_new_values_of_mixed_types_have_a_field_per_suffix(new_logger):
     assert new.tolist() == [(1.5, 7)]
 
 
-def test_new_values_of_an_element_that_is_only_published_can_be_read(counting):
-    logger = counting(action=Action.PUBLISH)
-    collect(logger, 2)
-    assert logger.read_new_values("x").values.tolist() == [0, 1]
-
-
 def test_new_values_of_a_disabled_element_are_refused(counting):
     logger = counting(enabled=False)
     with pytest.raises(StateError, match="'/log/x' is not logged in this run: enable it and start again"):
         logger.read_new_values("x")
 
 
-def test_new_values_of_an_unknown_element_name_the_nearest(counting):
-    with pytest.raises(ElementError, match="no element '/log/xx'"):
-        counting().read_new_values("/log/xx")
-
-
 # --------------------------------------------------------------------------------------------------------- saving
-
-
-def test_saving_while_running_loses_no_tick(counting, tmp_path):
-    logger = counting()
-    collect(logger, 5)
-    (saved,) = logger.save("silo")
-    collect(logger, 5)
-    assert Path(saved.path).exists()
-    assert values(logger) == list(range(10))
-
-
-def test_what_was_saved_is_no_longer_unsaved(counting):
-    logger = counting()
-    collect(logger, 5)
-    assert logger.has_unsaved
-    logger.save()
-    assert not logger.has_unsaved
-    logger.collect()
-    assert logger.has_unsaved
 
 
 def test_an_unknown_file_type_is_refused_with_those_that_there_are(counting):

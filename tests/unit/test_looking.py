@@ -80,13 +80,6 @@ def test_an_element_that_is_off_holds_nothing_of_this_run(log):
     assert (off.held, off.lost, off.failures, off.newest, off.time_ns) == (0, 0, 0, None, None)
 
 
-def test_an_element_is_looked_at_while_the_logger_runs(log):
-    log.start()
-    log.q[:] = 5
-    log.collect()
-    assert log["joints/q"].newest.tolist() == [5, 5, 5]
-
-
 def test_an_unknown_name_is_told_with_the_nearest(log):
     with pytest.raises(silo.ElementError, match="no element 'joint/q'; did you mean '/log/joints/q'"):
         log["joint/q"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from silo.core.elements import Action, BufferType
-from silo.errors import ElementError, StateError
+from silo.errors import ElementError
 from silo.loop import generated_code, run
 
 DIVIDERS = [*range(2, 31), 64, 101]
@@ -169,27 +169,6 @@ def test_a_source_that_failed_in_the_last_run_is_told_of_again(new_logger, caplo
         assert "reading Robot.fails failed" in caplog.text
 
 
-def test_an_array_that_was_assigned_anew_since_the_last_run_is_told_of(new_logger, caplog):
-    logger = new_logger()
-    x = np.zeros(3)
-    logger.add(x, "x")
-    logger.start()
-    assert "nobody but silo holds this array" not in caplog.text
-    x = x + 1
-    logger.restart()
-    assert "nobody but silo holds this array" in caplog.text
-
-
-def test_a_table_without_elements_is_laid_out_after_one_with_some(new_logger):
-    logger, _ = filled(new_logger)
-    logger.stop()
-    for name in list(logger):
-        logger.remove(name)
-    logger.start()
-    logger.collect()
-    assert logger._present.run.plan.elements == ()
-
-
 # ----------------------------------------------------------------------------------------------- alike, but not equal
 
 
@@ -237,14 +216,3 @@ def test_labels_of_one_element_are_not_those_of_another_of_its_type(new_logger):
     logger.collect()
     found = [element.entries[0].entry.labels for element in logger.snapshot().elements]
     assert found == [None, {0: "stand"}, {0: "trot"}]
-
-
-def test_a_thread_that_kept_collect_goes_on_with_the_next_run(new_logger):
-    logger, _ = filled(new_logger)
-    kept = logger._present.run.collect
-    logger.restart()
-    kept()
-    assert logger.ticks == 1
-    logger.close()
-    with pytest.raises(StateError):
-        logger.start()

@@ -232,10 +232,6 @@ def test_a_unit_in_the_place_of_the_group_is_asked_back(new_logger, caplog):
     assert "is its group" not in caplog.text
 
 
-def test_there_are_sixty_of_them():
-    assert len(MISTAKES) >= 60
-
-
 def test_what_is_written_instead_is_there(names):
     import re
 

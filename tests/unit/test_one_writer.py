@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from silo.errors import ElementError, StateError
+from silo.errors import StateError
 
 OTHER = (
     r"collect\(\) belongs to the thread that called it first after start\(\), 'MainThread', and was called by 'other"
@@ -34,18 +34,6 @@ def test_a_second_thread_is_refused_at_its_first_call_and_every_time(running):
             call_in_thread(running.collect)
     running.collect()
     assert running.ticks == 2
-
-
-def test_a_kept_collect_is_refused_in_a_second_thread_too(running):
-    kept = running.collect
-    kept()
-    with pytest.raises(StateError, match=OTHER):
-        call_in_thread(kept)
-
-
-def test_start_may_be_called_by_another_thread_than_the_loop(running):
-    call_in_thread(running.collect)
-    assert running.ticks == 1
 
 
 def test_the_next_run_may_belong_to_another_thread(running):
@@ -169,8 +157,3 @@ def test_a_serialized_logger_may_be_called_by_changing_threads(new_logger):
         call_in_thread(logger.collect)
         logger.collect()
     assert logger.ticks == 10
-
-
-def test_an_unknown_way_of_threads_is_refused(new_logger):
-    with pytest.raises(ElementError, match="threads must be 'single' or 'serialized', got 'many'"):
-        new_logger(threads="many")

@@ -131,10 +131,6 @@ def test_size_tiers_waste_as_little_memory_as_can_be(table, tiers):
     assert len(found) <= tiers
 
 
-def test_equal_sizes_are_one_tier():
-    assert size_tiers([7, 7, 7], [1, 2, 3], 3) == [7]
-
-
 def test_thousands_of_sizes_are_merged_into_tiers_that_hold_the_largest():
     bounds = size_tiers(range(1, 5001), [1] * 5000, 3)
     assert len(bounds) <= 3

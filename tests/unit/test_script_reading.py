@@ -59,10 +59,6 @@ def test_every_key_of_an_element_is_read() -> None:
     )
 
 
-def test_missing_keys_are_none() -> None:
-    assert element("divider: 2") == ScriptElement("/log/x", 2, ElementSettings(divider=2))
-
-
 @pytest.mark.parametrize(
     ("word", "member"),
     [
@@ -87,11 +83,6 @@ def test_actions_are_given_by_number_or_name(word: str, member: int) -> None:
 @pytest.mark.parametrize(("word", "value"), [("true", True), ("False", False), ("yes", True), ("OFF", False)])
 def test_enabled_takes_the_words_that_yaml_knows(word: str, value: bool) -> None:
     assert element(f"enabled: {word}").asked["enabled"] is value
-
-
-def test_an_empty_list_of_elements_is_a_script() -> None:
-    assert script("log_elements: []\n").elements == ()
-    assert script("log_elements:\n").elements == ()
 
 
 def test_a_byte_order_mark_and_windows_line_ends_are_read(tmp_path: Path) -> None:
@@ -235,10 +226,6 @@ def test_a_syntax_error_has_its_line(text: str, words: str) -> None:
     assert words in complaint(text)
 
 
-def test_a_value_of_several_lines_stays_in_one_line_of_the_message() -> None:
-    assert len(element_complaint("divider: 1\n      2\n\n      3").splitlines()) == 1
-
-
 def test_an_alias_bomb_is_just_a_wrong_value() -> None:
     laughs = "a: &a [x, x]\n" + "".join(
         f"{chr(98 + i)}: &{chr(98 + i)} [{', '.join([f'*{chr(97 + i)}'] * 9)}]\n" for i in range(12)
@@ -259,11 +246,6 @@ def test_a_missing_file_tells_where_it_was_looked_for(tmp_path: Path, monkeypatc
     with pytest.raises(ScriptError) as error:
         read_script("none.yaml")
     assert str(error.value).startswith(f"none.yaml: no such file (looked for {tmp_path / 'none.yaml'}); ")
-
-
-def test_a_folder_is_not_a_script(tmp_path: Path) -> None:
-    with pytest.raises(ScriptError, match="this is a folder or a device"):
-        read_script(tmp_path)
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root reads everything")

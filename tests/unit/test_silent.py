@@ -90,13 +90,6 @@ def test_a_start_and_a_save_before_init_are_told_of_once(caplog):
     ]
 
 
-@pytest.mark.usefixtures("nobody")
-def test_what_a_library_logs_while_nobody_wants_it_is_told_of_by_nobody(caplog):
-    silo.add(np.zeros(1), "x")
-    silo.collect()
-    assert warnings_of(caplog) == []
-
-
 # --------------------------------------------------------------------------------------------- the end
 
 
@@ -123,15 +116,6 @@ def test_a_with_that_saved_all_saves_nothing_more(tmp_path, capsys):
     assert len(list(tmp_path.glob("*.silo"))) == 1
     assert "ended without" not in capsys.readouterr().err
     assert x.tolist() == [0]
-
-
-def test_closing_it_before_the_end_drops_it(tmp_path):
-    with silo.Logger("walk", folder=tmp_path, script=tmp_path / "none.yaml") as log:
-        log.add(np.zeros(1), "x")
-        log.start()
-        log.collect()
-        log.close()
-    assert list(tmp_path.glob("*.silo")) == []
 
 
 @pytest.fixture
@@ -181,15 +165,6 @@ def test_what_a_save_failed_to_write_outlives_closing(closing, tmp_path, capsys,
         assert "silo: logger 'walk' was closed after a save() that failed; saved " in said
     (path,) = tmp_path.glob("*.silo")
     assert len(silo.open_log(path).times) == 3
-
-
-def test_a_save_that_failed_keeps_no_run_that_came_after(closing, tmp_path, capsys):
-    log = unsaved(closing(3), tmp_path)
-    log.restart()
-    collect(log, 2)
-    log.close()
-    assert "2 ticks that were not saved are dropped" in capsys.readouterr().err
-    assert list(tmp_path.glob("*.silo")) == []
 
 
 def test_what_a_save_failed_to_write_is_dropped_where_that_is_said(closing, tmp_path, capsys):
@@ -338,15 +313,6 @@ def test_what_nobody_could_write_waits_for_recover_behind_closing(closing, tmp_p
     assert "dropped" not in said
 
 
-def test_of_what_was_saved_only_the_ticks_after_that_are_told_of(closing, capsys):
-    log = closing(3)
-    log.save()
-    collect(log, 2)
-    log.stop()
-    log.close()
-    assert "2 ticks that were not saved are dropped" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("ticks", "end"),
     [
@@ -362,16 +328,6 @@ def test_of_what_was_saved_only_the_ticks_after_that_are_told_of(closing, capsys
 def test_where_nothing_is_dropped_or_all_is_on_purpose_closing_says_nothing_of_it(closing, capsys, ticks, end):
     end(closing(ticks))
     assert "was closed without save()" not in capsys.readouterr().err
-
-
-def test_the_default_logger_says_so_too(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(default, "_default", NullLogger())
-    silo.init("walk", folder=tmp_path, script=tmp_path / "none.yaml")
-    silo.add(np.zeros(1), "x")
-    silo.start()
-    silo.collect()
-    silo.close()
-    assert "1 tick that was not saved is dropped" in capsys.readouterr().err
 
 
 def test_what_can_not_be_saved_at_the_end_stays_for_recover(tmp_path, capsys, monkeypatch):

@@ -111,12 +111,6 @@ def test_nan_is_left_out_of_statistics_infinite_ones_count_and_both_get_a_sign(r
     np.testing.assert_equal([signal.min(), signal.max(), signal.mean()], told[:3])
 
 
-def test_a_signal_that_was_never_finite_has_no_statistics(robot):
-    robot.tick(np.nan)
-    robot.advance()
-    assert np.isnan([robot.of("/log/x", quantity) for quantity in ("min", "max", "mean", "std")]).all()
-
-
 def test_the_last_change_is_found_across_reads(robot):
     for at in range(300):
         robot.tick(at if at < 100 else 99, flag=True)

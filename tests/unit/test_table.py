@@ -1,13 +1,10 @@
 """The element table: names, namespaces, edits as one transaction, and the revision that tells of every change."""
 
-import numpy as np
 import pytest
 
 from silo.core.elements import (
     MAX_BUFFER_SIZE,
     MAX_DIVIDER,
-    Action,
-    BufferType,
     Edit,
     ElementInfo,
     ElementOptions,
@@ -16,7 +13,7 @@ from silo.core.elements import (
 from silo.errors import ElementError
 from silo.logger.registrations import Registrations
 from silo.loop.plan import Element
-from silo.settings.options import checked, option_problems
+from silo.settings.options import option_problems
 
 
 def element(name, suffixes=("",)):
@@ -33,16 +30,6 @@ def table():
     return made
 
 
-def test_what_was_added_is_no_part_of_the_table_before_it_is_adopted():
-    table = Registrations("/log")
-    table.add(element("/log/x"))
-    assert table.infos == []
-
-
-def test_the_order_is_that_of_registration(table):
-    assert [info.name for info in table.infos][:2] == ["/log/arm/q", "/log/arm/tau"]
-
-
 def test_adopting_is_one_new_revision(table):
     before = table.revision
     table.add(element("/log/a"))
@@ -55,10 +42,6 @@ def test_adopting_nothing_is_no_new_revision(table):
     before = table.revision
     table.adopt()
     assert table.revision == before
-
-
-def test_an_element_is_found_by_its_full_name_and_without_the_prefix(table):
-    assert table.place("/log/leg/q") == table.place("leg/q") == 3
 
 
 def test_an_unknown_name_gets_the_nearest_one_and_an_unknown_namespace_is_refused(table):
@@ -125,18 +108,6 @@ def test_a_value_out_of_range_is_named_with_its_field_and_range(options, field, 
     assert words in problem.reason
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        ElementOptions(),
-        ElementOptions(divider=MAX_DIVIDER, size=MAX_BUFFER_SIZE),
-        ElementOptions(False, 3, Action.PUBLISH, BufferType.GROWING, 7),
-    ],
-)
-def test_values_within_range_are_taken(options):
-    assert checked("/x", options) is options
-
-
 def test_edits_of_unknown_elements_and_twice_of_one_are_problems(table):
     good = ElementOptions(size=3)
     edits = [Edit("/log/leg/q", good), Edit("/log/leg/q", good), Edit("/log/gone", good)]
@@ -164,13 +135,3 @@ def test_a_released_table_keeps_its_rows(table):
     table.release()
     assert table.infos == before
     assert all(element.parts == () for element in table.elements)
-
-
-def test_a_logger_changes_a_whole_namespace(new_logger):
-    logger = new_logger()
-    for name in ("a", "b"):
-        logger.add(np.zeros(1), name, group="arm")
-    logger.add(np.zeros(1), "c")
-    logger.update()
-    assert logger.set("arm", divider=4, action=Action.PUBLISH) == 2
-    assert [info.options.divider for info in logger.elements] == [4, 4, 1]

@@ -7,7 +7,6 @@ import pytest
 
 import silo
 from silo.files.convert import convert
-from silo.logger.unclosed import LoggerEnd
 from tests.stand_ins.ticking import Robot, collect, warnings_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::silo.LogWarning")
@@ -118,16 +117,6 @@ def test_an_attribute_follows_assignments(new_logger, caplog):
     turned(logger, robot)
     logger.stop()
     assert warnings_of(caplog) == []
-
-
-def test_an_array_that_is_constant_is_not_told_of(new_logger, caplog, tmp_path):
-    gains, logger = np.ones(3), new_logger()
-    logger.add(gains, "gains")
-    logger.start()
-    collect(logger, 20)
-    logger.stop()
-    assert warnings_of(caplog) == []
-    assert silo.open_log(logger.save().path).warnings == ()
 
 
 def test_an_array_that_changed_until_its_function_returned_is_not_told_of(new_logger, caplog):
@@ -241,16 +230,6 @@ def test_and_what_they_are_converted_to(new_logger, tmp_path, ending):
     target = tmp_path / f"converted.{ending}"
     convert(logger.save().path, target)
     assert ALONE in silo.open_log(target).warnings[0]
-
-
-def test_a_logger_that_ends_without_close_says_it_in_its_file(new_logger, tmp_path):
-    robot, logger = Robot(q=np.zeros(3)), new_logger()
-    logger.add(robot.q, "q")
-    logger.start()
-    turned(logger, robot)
-    logger._end(LoggerEnd.UNCLOSED)
-    (path,) = tmp_path.glob("*.silo")
-    assert ALONE in silo.open_log(path).warnings[0]
 
 
 def test_looking_beside_the_loop_gives_it_the_interpreter_in_between(new_logger):

@@ -128,13 +128,6 @@ def test_each_next_value_is_logged_whatever_it_is_made_of(first, then, new_logge
     assert logged(log, "x") == [np.asarray(value).tolist() for value in then]
 
 
-def test_a_whole_number_takes_no_half(new_logger):
-    log = new_logger()
-    log.value("steps", np.int64(1))
-    with pytest.raises(silo.ElementError, match="began with int64"):
-        log.value("steps", 1.5)
-
-
 @pytest.mark.parametrize("value", ["STANCE", object(), [[1], [2, 3]], {"a": 1}])
 def test_what_is_no_number_is_refused_with_what_to_write(value, new_logger):
     log = new_logger()
