@@ -1,9 +1,6 @@
 """Bags that silo did not write, made here by `rosbags` and `mcap`: signals with the stamps of their own topics."""
 
-import contextlib
 import functools
-import json
-import random
 import sqlite3
 import warnings
 
@@ -250,10 +247,6 @@ class TestEveryStorage:
         assert made["state/mode"].texts[-1] == "WALK"
         assert len({len(made[name].time_ns) for name in made.names("/imu/*")}) == 1
 
-    def test_what_has_one_time_for_all_names_those_that_are_written_and_keep_the_times(self, log, tmp_path):
-        with pytest.raises(silo.SaveError, match=r"\.mat, \.npz, \.h5 and \.rrd keep the times of each"):
-            log.save(tmp_path / "run.csv")
-
 
 class TestHeaderStamps:
     def test_the_header_tells_when_it_was_measured_and_without_one_or_by_default_the_log_when_recorded(self, folder):
@@ -363,25 +356,9 @@ class TestOtherFiles:
             opened(path)["imu/angular_velocity/x"].max()
         assert "imu/angular_velocity" in log
 
-    @pytest.mark.parametrize("storage", ["rosbag2 sqlite3", "mcap, lz4", "mcap without chunks"])
-    def test_of_a_damaged_bag_come_only_errors_of_silo(self, tmp_path, storage):
-        bag = MAKERS[storage](tmp_path)
-        path = bag if bag.is_file() else next(bag.glob("*.db3"))
-        whole, chance = path.read_bytes(), random.Random(storage)
-        opens = 0
-        for _ in range(12):
-            data = bytearray(whole)
-            for _ in range(chance.choice((1, 3, 20))):
-                data[chance.randrange(len(data))] = chance.randrange(256)
-            path.write_bytes(data)
-            with contextlib.suppress(silo.SiloError):
-                log = opened(path)
-                opens += 1
-                assert all(len(log[name].values) == len(log[name].time_ns) for name in log)
-        assert opens
-
-    def test_messages_that_are_compressed_one_by_one_are_read(self, tmp_path):
-        bag = rosbag(tmp_path / "bag", StoragePlugin.SQLITE3, 30, (CompressionMode.MESSAGE, CompressionFormat.ZSTD))
+    @pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+    def test_messages_that_are_compressed_one_by_one_are_read(self, tmp_path, plugin):
+        bag = rosbag(tmp_path / "bag", plugin, 30, (CompressionMode.MESSAGE, CompressionFormat.ZSTD))
         assert opened(bag)["imu/angular_velocity/x"].values.tolist() == list(range(30))
 
     def test_a_bag_that_is_compressed_as_a_whole_is_told_how_to_unpack(self, tmp_path):
@@ -401,38 +378,6 @@ class TestOtherFiles:
         assert "2 topics left out: /state (their_msgs/msg/Thing: its definition is not in the bag), /camera" in text
         assert "imu/angular_velocity" in log
         assert "state/on" not in log
-
-    def test_numbers_and_texts_of_json_are_signals(self, tmp_path):
-        path = tmp_path / "bag.mcap"
-        with path.open("wb") as file:
-            writer = McapWriter(file)
-            writer.start()
-            schema = writer.register_schema("Pose", "jsonschema", b'{"type": "object"}')
-            topic = writer.register_channel("/pose", "json", schema)
-            for number in range(5):
-                message = {"at": {"x": number, "y": 0.5}, "mode": "go", "ok": True, "legs": [number, 1], "list": [{}]}
-                if number == 3:
-                    del message["at"]["y"]
-                writer.add_message(topic, START + number, json.dumps(message).encode(), START + number)
-            writer.finish()
-        log = opened(path)
-        assert log["/pose/at/x"].values.tolist() == [0, 1, 2, 3, 4]
-        np.testing.assert_array_equal(log["pose/at/y"].values, [0.5, 0.5, 0.5, np.nan, 0.5])
-        assert log["pose/mode"].values.tolist() == ["go"] * 5
-        assert log["pose/ok"].values.tolist() == [True] * 5
-        assert log["pose/legs"].values.tolist() == [[number, 1] for number in range(5)]
-        assert "/pose/list" in log.warnings[0]
-
-    def test_an_encoding_that_silo_does_not_read_is_named(self, tmp_path):
-        path = tmp_path / "bag.mcap"
-        with path.open("wb") as file:
-            writer = McapWriter(file)
-            writer.start()
-            topic = writer.register_channel("/x", "protobuf", writer.register_schema("X", "protobuf", b""))
-            writer.add_message(topic, START, b"\0", START)
-            writer.finish()
-        with pytest.warns(silo.LogWarning, match=r"/x \(X: silo reads no protobuf messages\)"):
-            assert len(silo.open_log(path)) == 0
 
     def test_an_empty_file_is_told(self, tmp_path):
         path = tmp_path / "bag.mcap"
@@ -460,7 +405,7 @@ class TestOtherFiles:
 
 class TestSaving:
     def test_a_file_with_one_time_for_all_is_refused_with_the_way_out(self, folder, tmp_path):
-        way_out = r"log.resample\(100\).save\('drive.csv'\) or `silo convert --rate 100`"
+        way_out = r"log.resample\(100\).save\('drive.csv'\) or `silo convert --rate 100`.*keep the times of each"
         with pytest.raises(silo.SaveError, match=way_out):
             opened(folder).save(tmp_path / "drive.csv")
         assert not (tmp_path / "drive.csv").exists()
@@ -473,11 +418,6 @@ class TestSaving:
             np.testing.assert_array_equal(file["imu/angular_velocity/time_ns"], START + STEP * np.arange(200))
             np.testing.assert_array_equal(file["state/last/time_ns"], START + 5 + 10 * STEP * np.arange(20))
 
-    def test_two_runs_are_compared(self, folder, tmp_path):
-        log = opened(folder)
-        assert not silo.compare(log, opened(folder), "imu/*")
-        assert silo.compare(log, log.resample(log["imu/angular_velocity"]), "state/*").alike >= 8
-
 
 class TestCommands:
     @pytest.fixture
@@ -488,15 +428,6 @@ class TestCommands:
         output = silo_command("info", folder).output
         assert "/imu/angular_velocity" in output
         assert "rad/s  float64[3]          200     200" in output
-
-    def test_plot_and_stats_take_signals_and_expressions(self, silo_command, folder):
-        assert "199" in silo_command("stats", folder, "imu/angular_velocity/x").output
-        assert "imu/angular_velocity/x * 2" in silo_command("plot", folder, "imu/angular_velocity/x * 2").output
-
-    def test_check_judges_it(self, silo_command, folder):
-        limit = "imu/angular_velocity/x=-,-,-,100"
-        output = silo_command("check", folder, "--never", "state/mode == WALK", "--limit", limit).output
-        assert "2 of 2 violated" in output
 
     def test_convert_says_the_way_and_takes_it(self, silo_command, folder, tmp_path):
         refused = silo_command("convert", folder, tmp_path / "x.csv")

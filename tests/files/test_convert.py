@@ -229,24 +229,6 @@ class TestHdf5:
         assert sorted(first) == sorted(names)
 
 
-def test_a_bag_becomes_silo_and_a_bag_again_with_every_value(log, source, tmp_path):
-    convert(source, tmp_path / "a.silo")
-    convert(tmp_path / "a.silo", tmp_path / "b.bag")
-    read = read_recording(tmp_path / "b.bag")
-    assert read.time_ns.tolist() == TIMES.tolist()
-    by_name = {e.name: e for recorded in read.elements for e in recorded.entries}
-    for name in ("/log/x", "/log/slow", "/log/v_y", "/log/mode"):
-        wanted = next(e.values for recorded in log.elements for e in recorded.entries if e.name == name)
-        assert by_name[name].values.tobytes() == wanted.tobytes()
-
-
-def test_csv_becomes_silo(source, tmp_path):
-    convert(source, tmp_path / "a.csv")
-    convert(tmp_path / "a.csv", tmp_path / "b.silo")
-    names = {e.name: e.values for recorded in read_recording(tmp_path / "b.silo").elements for e in recorded.entries}
-    assert names["/log/slow"].tolist() == [10.5, 11.5, 12.5]
-
-
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_progress_ends_at_one(ending, source, tmp_path):
     seen = []

@@ -91,20 +91,6 @@ def test_ticks_without_a_sample_are_empty_cells(plan, recorded, tmp_path, way):
     assert [cells[1] for cells in rows] == ['"x"', "", '""', "", '"y"', ""]
 
 
-def test_both_ways_of_writing_give_the_same_values(plan, recorded, tmp_path, monkeypatch):
-    pytest.importorskip("polars")
-    plans = [plan(f"/log/{i}", dtype, divider=1 + i % 3) for i, dtype in enumerate(NUMBERS)]
-    recording = recorded(plans, 30)
-    write_csv(recording, tmp_path / "plain.csv")
-    monkeypatch.setattr(writer, "ENCODED_FROM", 0)
-    write_csv(recording, tmp_path / "encoded.csv")
-    tables = [list(csv.reader((tmp_path / f"{way}.csv").open(newline=""))) for way in ("encoded", "plain")]
-    assert tables[0][0] == tables[1][0]
-    for one, other in zip(*tables, strict=True):
-        for left, right in zip(one, other, strict=True):
-            assert left == right or repr(float(left)) == repr(float(right))
-
-
 def test_a_text_that_reads_as_the_end_of_an_encoded_line_is_kept(plan, recorded, tmp_path, way):
     recording = recorded([plan("/log/a", "|S8"), plan("/log/b")], 3)
     texts = np.array([b"x]\n[y", b'","', b"]"], "S8")
@@ -134,15 +120,6 @@ def test_pandas_reads_it(plan, recorded, tmp_path, way):
     assert frame["/log/s"].dropna().tolist() == ["x,y", '"', "12"]
 
 
-def test_polars_reads_it(plan, recorded, tmp_path, way):
-    polars = pytest.importorskip("polars")
-    recording = recorded([plan("/log/a", "<f8"), plan("/log/u", "<u8", divider=2)], 6)
-    write_csv(recording, tmp_path / "x.csv")
-    frame = polars.read_csv(tmp_path / "x.csv", schema_overrides={"/log/u": polars.UInt64})
-    np.testing.assert_array_equal(frame["/log/a"].to_numpy(), recording.elements[0].entries[0].values)
-    assert frame["/log/u"].drop_nulls().to_list() == recording.elements[1].entries[0].values.tolist()
-
-
 def test_rows_have_the_shape_of_the_original(plan, recorded, tmp_path):
     recording = recorded([plan("/log/a", "|u1", size=2), plan("/log/b", "<i2", divider=2, size=2)], 8)
     write_rows(recording, tmp_path / "x.csv")
@@ -167,14 +144,6 @@ def test_long_double_keeps_its_precision(plan, recorded, tmp_path):
     write_csv(recording, tmp_path / "x.csv")
     texts = [line.split(",")[1] for line in (tmp_path / "x.csv").read_text().splitlines()[1:]]
     assert [np.longdouble(text) for text in texts] == recording.elements[0].entries[0].values.tolist()
-
-
-def test_progress_rises_to_one(plan, recorded, tmp_path, monkeypatch):
-    monkeypatch.setattr(writer, "CHUNK_CELLS", 20)
-    fractions = []
-    write_csv(recorded([plan("/log/a", size=90)], 100), tmp_path / "x.csv", fractions.append)
-    assert fractions == sorted(fractions)
-    assert (fractions[0], fractions[-1]) == (0.0, 1.0)
 
 
 def test_a_table_of_another_tool_is_read(tmp_path):
@@ -247,11 +216,6 @@ def test_lines_that_end_by_a_carriage_return_alone_are_lines(tmp_path):
     assert (recording.time_ns.tolist(), found) == ([0, 10**9], {"x": [1, 2], "a,b": [5, 6]})
 
 
-def test_dates_in_the_first_column_are_times(tmp_path):
-    (tmp_path / "x.csv").write_text("date,x\n2023-11-14 22:13:20.5,1\n2023-11-14 22:13:21,2\n")
-    assert read_csv(tmp_path / "x.csv").time_ns.tolist() == [1_700_000_000_500_000_000, 1_700_000_001_000_000_000]
-
-
 def test_a_line_that_is_cut_off_is_told_and_left_out(plan, recorded, tmp_path):
     write_csv(recorded([plan("/log/a", "<i8"), plan("/log/b", "<i8")], 5), tmp_path / "x.csv")
     text = (tmp_path / "x.csv").read_text()
@@ -259,22 +223,6 @@ def test_a_line_that_is_cut_off_is_told_and_left_out(plan, recorded, tmp_path):
     recording = read_csv(tmp_path / "x.csv")
     assert len(recording.time_ns) == 4
     assert "record 6 has 3 cells" in recording.warnings[0]
-
-
-@pytest.mark.slow
-def test_cut_at_any_length_it_never_crashes(plan, recorded, tmp_path):
-    recording = recorded([plan("/log/a"), plan('/log/"q"', "|S4"), plan("/log/v", "<f4", "vector", divider=2)], 6)
-    for write in (write_csv, write_rows):
-        write(recording, tmp_path / "x.csv")
-        data = (tmp_path / "x.csv").read_bytes()
-        for length in range(len(data)):
-            (tmp_path / "cut.csv").write_bytes(data[:length])
-            try:
-                again = read_csv(tmp_path / "cut.csv")
-            except FileFormatError as error:
-                assert "cut.csv" in str(error)
-            else:
-                assert len(again.time_ns) <= len(recording.time_ns)
 
 
 @pytest.mark.parametrize("name", ["all_types", "looping_wrapped", "mixed_dividers", "time_buffer_full"])

@@ -102,15 +102,6 @@ def test_a_text_far_down_in_a_column_of_numbers_makes_it_a_column_of_texts(tmp_p
     assert (a.entries[0].values[1237], b.entries[0].values[1237]) == (b"x", b"y.5")
 
 
-def test_a_point_far_down_in_a_column_of_whole_numbers_makes_all_of_them_real(tmp_path):
-    lines = [f"{k},{k}" for k in range(2000)]
-    lines[1237] = "1237,0.5"
-    (tmp_path / "x.csv").write_text("\n".join(["time,a", *lines]))
-    (entry,) = read_csv(tmp_path / "x.csv").elements[0].entries
-    assert entry.values[1237] == 0.5
-    assert (entry.values.dtype, entry.dtype) == (np.float64, np.float64)
-
-
 def test_a_value_that_its_type_cannot_be_is_told_when_it_is_read(tmp_path):
     write_csv(recording({"/log/a": np.arange(300, dtype="i1")}), tmp_path / "x.csv")
     text = (tmp_path / "x.csv").read_text().replace(",5,", ",300,", 1)

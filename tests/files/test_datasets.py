@@ -333,20 +333,6 @@ def test_no_frames_are_made_of_a_time_for_which_a_cut_had_a_signal_switched_off(
 
 
 @given(st.lists(st.integers(1, 30), min_size=1, max_size=5), st.integers(0, 99))
-def test_statistics_of_all_are_those_of_the_whole(sizes, seed):
-    parts = [np.random.default_rng([seed, size]).normal(3, 10, (size, 2)) for size in sizes]
-    found: dict = {}
-    for part in parts:
-        found = merged(found, [("x", Moments.of(part))])
-    told, whole = found["x"].told(), np.concatenate(parts)
-    for name, value in (("min", whole.min(0)), ("max", whole.max(0)), ("mean", whole.mean(0)), ("std", whole.std(0))):
-        np.testing.assert_allclose(told[name], value, atol=1e-9)
-    weights = np.array(sizes) / sum(sizes)
-    np.testing.assert_allclose(told["q90"], sum(w * np.quantile(p, 0.9, axis=0) for w, p in zip(weights, parts)))  # noqa: B905
-    assert (told["count"], tuple(told)) == ([len(whole)], TEN)
-
-
-@given(st.lists(st.integers(1, 30), min_size=1, max_size=5), st.integers(0, 99))
 def test_what_is_no_finite_number_is_in_no_statistic(sizes, seed):
     parts = [np.random.default_rng([seed, size]).normal(3, 10, (size, 3)) for size in sizes]
     for number, part in enumerate(parts):

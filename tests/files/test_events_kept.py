@@ -12,13 +12,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from rosbags.highlevel import AnyReader
 
 from silo.core.elements import LoggedEvent
-from silo.core.recording import Recording, stamped, with_events
+from silo.core.recording import stamped, with_events
 from silo.files.bags.ros_types import MessageType
 from silo.files.bags.writer import write_bag
-from silo.files.convert import convert
 from silo.files.formats import FORMATS, read_recording, writer_for
 
 READ = [one for one in FORMATS if one.reader and one.writer]
@@ -71,15 +69,6 @@ def test_every_format_that_is_read_keeps_all_of_it(one, told, ticks, elements, r
     assert [msgspec.structs.replace(event, text="", who="") for event in again.events] == blank
 
 
-@pytest.mark.parametrize("one", READ, ids=lambda one: one.name)
-def test_a_conversion_keeps_it(one, walk, tmp_path):
-    source, target = tmp_path / "walk.silo", tmp_path / f"walk{one.ending}"
-    writer_for(source)(walk, source, None)
-    if source != target:
-        convert(source, target)
-    assert read_recording(target).events == walk.events
-
-
 def test_a_silo_file_has_a_comment_line_for_each(walk, tmp_path):
     path = tmp_path / "walk.silo"
     writer_for(path)(walk, path, None)
@@ -121,17 +110,6 @@ def test_bags_have_them_as_log_messages_for_mcap(walk, tmp_path):
     ]
     assert told == MESSAGES
     assert all(m.stamp.sec * 10**9 + m.stamp.nanosec == message.log_time for _, _, message, m in found)
-
-
-def test_bags_have_them_as_log_messages_for_rosbags(walk, tmp_path):
-    write_bag(replace(walk, logger="robot"), tmp_path / "walk")
-    with AnyReader([tmp_path / "walk"]) as reader:
-        (connection,) = [each for each in reader.connections if each.topic == "/log/events"]
-        found = [
-            (int(np.searchsorted(walk.time_ns, time)), reader.deserialize(data, connection.msgtype))
-            for _, time, data in reader.messages([connection])
-        ]
-    assert [(at, m.level, m.name, m.msg, m.function, m.line) for at, m in found] == MESSAGES
 
 
 def test_the_types_of_the_messages_are_those_of_ros():
@@ -189,9 +167,3 @@ def test_events_of_the_log_join_the_marks_once_and_in_order(walk):
     again = with_events(walk, [*walk.events, LoggedEvent("saved", "x", START + 1, 3)])
     assert [event.text for event in again.events] == ["started", "x", "push 3", "ünd", "3 rows", "asked"]
     assert again.events[1].stamp_ns == walk.time_ns[3]
-
-
-def test_an_empty_recording_takes_events_too(tmp_path):
-    empty = Recording("robot", np.empty(0, np.int64), 0, (), events=(LoggedEvent("started", "x", 1),))
-    write_bag(empty, tmp_path / "x.mcap")
-    assert read_recording(tmp_path / "x.mcap").events == empty.events

@@ -11,14 +11,11 @@ import silo
 from silo.analysis.log import Log
 from silo.analysis.opening import open_log
 from silo.analysis.signal import Signal
-from silo.cli.edits import select
 from silo.core.elements import BufferType
-from silo.core.names import matching
 from silo.core.recording import Recording, distinct
-from silo.errors import ElementError, LogNotFoundError, LogWarning, UnknownNameError, UnknownSignalError
+from silo.errors import ElementError, LogWarning, UnknownNameError, UnknownSignalError
 from silo.files import write
 from silo.files.silo.reader import read_silo
-from silo.files.silo.writer import write_silo
 
 
 def signal(values, step_s=0.5, start_s=0.0, name="s", **more):
@@ -105,22 +102,6 @@ class TestLog:
         assert log.duration_s == pytest.approx(0.018)
         assert log["state/mode"].texts.tolist()[:6] == ["STAND", "STAND", "WALK", "WALK", "WALK", "7"]
 
-    def test_the_recording_can_be_written_again(self, log, tmp_path):
-        write_silo(log.recording, tmp_path / "again.silo")
-        assert list(open_log(tmp_path / "again.silo")) == list(log)
-
-    def test_the_public_name_opens_by_run_number(self, log, tmp_path):
-        write(log.recording, tmp_path, "robot", ["silo", "csv"])
-        assert len(silo.open_log(1, folder=tmp_path)) == 7
-        with pytest.raises(LogNotFoundError):
-            silo.open_log(2, folder=tmp_path)
-
-    def test_csv_and_bags_open_as_well(self, log, tmp_path):
-        saved = write(log.recording, tmp_path, "robot", ["csv", "bag"])
-        for file in saved:
-            again = open_log(file.path)
-            np.testing.assert_array_equal(again["imu/acc"].values, log["imu/acc"].values)
-
     def test_a_damaged_file_warns_when_it_is_opened(self, log, tmp_path):
         data = (tmp_path / "run.silo").read_bytes()
         (tmp_path / "cut.silo").write_bytes(data[:-1])
@@ -150,10 +131,6 @@ class TestValues:
         steps = signal([1.0, 2.0, 3.0])
         assert [steps.value(time) for time in (0.0, 0.49, 0.5, 0.99, 1.0, 99.0)] == [1, 1, 2, 2, 3, 3]
         np.testing.assert_array_equal(steps.value([0.2, 0.7]), [1, 2])
-
-    def test_every_sample_is_found_at_its_own_time(self):
-        irregular = Signal("s", np.arange(1000), 10**18 + np.arange(1000) * 3_333_333, start_ns=10**18)
-        np.testing.assert_array_equal(irregular.value(irregular.times), irregular.values)
 
     def test_before_the_first_sample_there_is_no_value(self):
         with pytest.raises(ElementError, match=r"'s' has no value yet at 0.1 s; it has samples from 1 to 1.5 s"):
@@ -410,11 +387,6 @@ class TestTables:
         assert np.asarray(log["state/mode"]).tolist() == log["state/mode"].to_numpy().tolist()
         assert np.asarray(log["state/mode"]).base is not None
 
-    def test_a_missing_library_is_named_with_its_extra(self, log, monkeypatch):
-        monkeypatch.setitem(__import__("sys").modules, "xarray", None)
-        with pytest.raises(silo.SiloError, match=r'pip install "silo-logger\[analysis\]"'):
-            log["imu/acc"].to_xarray()
-
 
 class TestNamesThatAreMeant:
     @pytest.fixture
@@ -422,36 +394,10 @@ class TestNamesThatAreMeant:
         names = ("/log/joints/q", "/log/joints/qd", "/log/base/pose", "/log/mode")
         return Log(recorded([plan(name) for name in names], 10))
 
-    @pytest.mark.parametrize(
-        ("pattern", "expected"),
-        [
-            ("/log/joints/q", ["/log/joints/q"]),
-            ("log/joints/q", ["/log/joints/q"]),
-            ("joints/q", ["/log/joints/q"]),
-            ("/joints/q", ["/log/joints/q"]),
-            ("q", ["/log/joints/q"]),
-            ("joints", ["/log/joints/q", "/log/joints/qd"]),
-            ("/log/joints/", ["/log/joints/q", "/log/joints/qd"]),
-            ("log/joints/*", ["/log/joints/q", "/log/joints/qd"]),
-            ("*/q*", ["/log/joints/q", "/log/joints/qd"]),
-        ],
-    )
-    def test_a_name_means_the_same_for_names_glob_and_tables(self, log, pattern, expected):
-        assert log.names(pattern) == expected
-        assert [one.name for one in log.glob(pattern)] == expected
-        assert list(log.to_pandas(pattern).columns) == expected
-
     @pytest.mark.parametrize("ask", ["names", "glob", "to_pandas", "to_polars", "to_xarray"])
     def test_nothing_found_is_told_with_names_alike(self, log, ask):
         with pytest.warns(LogWarning, match=r"no signal that 'jonts/q' means; did you mean .*'/log/joints/q"):
             getattr(log, ask)("jonts/q")
-
-    def test_a_shell_pattern_means_a_name_without_its_prefix_as_an_expression_does(self):
-        names = ["/log/joints/q", "/log/joints/qd", "/log/mode"]
-        for pattern in ("/joints/q", "joints/q", "/log/joints/q", "q"):
-            assert matching(names, [pattern]) == ["/log/joints/q"]
-            assert select(names, [pattern]) == [0]
-        assert matching(names, ["/nope", "/mode"]) == ["/log/mode"]
 
 
 def test_arrays_hold_logs_as_any_object_and_equal_none(new_logger):

@@ -94,10 +94,6 @@ def test_the_turns_of_a_log_go_as_those_of_its_signals(new_logger):
     assert made.values.tolist() == opened["turn"].resample(25.0, "linear").values.tolist()
 
 
-def test_a_log_at_the_times_of_a_signal(log):
-    assert log.resample(log["slow"])["x"].time_ns.tolist() == log["slow"].time_ns.tolist()
-
-
 def test_a_log_is_not_saved_over_another_unless_asked(log, tmp_path):
     path = log.save(tmp_path / "x.silo")
     with pytest.raises(silo.SaveError, match="exists already; write overwrite=True"):
@@ -212,10 +208,6 @@ def test_runs_are_compared_from_their_starts(log, tmp_path):
     assert "<td>/log/x</td>" in found._repr_html_()
 
 
-def test_what_is_within_the_tolerance_is_alike(log, tmp_path):
-    assert not silo.compare(log, run(tmp_path, offset=0.5), tolerance=0.6).rows
-
-
 @pytest.mark.parametrize(
     "how",
     [
@@ -239,24 +231,6 @@ def test_the_most_different_signal_comes_first_and_is_plotted(log, tmp_path, cap
     assert found.rows[0].rms >= found.rows[-1].rms or found.rows[0].name == "/log/x"
     found.plot("x", terminal=True)
     assert "a: /log/x" in capsys.readouterr().out
-
-
-def test_units_that_convert_are_converted_and_others_are_told(tmp_path):
-    def made(unit, scale):
-        folder = tmp_path / unit
-        folder.mkdir()
-        log = silo.Logger("u", frequency=10, folder=folder, script=folder / "no.yaml")
-        x = log.array("x", unit=unit)
-        log.start()
-        x[...] = scale
-        log.collect()
-        (saved,) = log.save()
-        log.close()
-        return silo.open_log(saved.path)
-
-    assert not silo.compare(made("m", 1.0), made("mm", 1000.0))
-    found = silo.compare(made("rad", 1.0), silo.open_log(tmp_path / "m"))
-    assert "can't be converted to 'rad'" in found.not_compared["/log/x"]
 
 
 # ------------------------------------------------------------------------------------------------- folders and globs

@@ -70,15 +70,6 @@ def test_lists_that_are_shorter_are_missing_at_their_ends(log, tmp_path, ending)
     assert found.dtype == np.int64
 
 
-@pytest.mark.parametrize("ending", FORMATS)
-def test_what_was_read_of_one_format_is_the_same_in_every_other(log, tmp_path, ending):
-    first = silo.open_log(log.save(tmp_path / f"one{ending}"))
-    for other in FORMATS:
-        again = silo.open_log(first.save(tmp_path / f"{ending[1:]}{other}"))
-        for name in ("small", "large", "on"):
-            assert again[f"j/{name}"].values.tolist() == expected(name), (ending, other, name)
-
-
 def test_a_column_of_doubles_has_nan_for_every_reader_of_silo_files(log, tmp_path):
     path = log.save(tmp_path / "run.silo")
     head = path.read_bytes().split(b"# Binary Data")[0].decode()
@@ -95,12 +86,6 @@ def test_damaged_headers_keep_what_is_missing(log, tmp_path):
         found = silo.open_log(path)
     assert found["j/large"].values.tolist() == expected("large")
     assert found["j/small"].values.tolist() == expected("small")
-
-
-def test_csv_cells_are_empty(log, tmp_path):
-    frame = polars.read_csv(log.save(tmp_path / "run.csv"))
-    assert frame["/j/large"].to_list() == expected("large")
-    assert frame["/j/small"].to_list() == expected("small")
 
 
 def test_csv_without_its_sidecar_keeps_integers_and_what_is_missing(log, tmp_path):
@@ -122,15 +107,6 @@ def test_bags_have_no_message_where_all_of_it_is_missing(log, tmp_path):
     with path.open("rb") as file:
         stamps = [message.log_time for _, channel, message in make_reader(file).iter_messages(topics=["/j/large"])]
     assert stamps == [START + at * STEP for at, value in enumerate(expected("large")) if value is not None]
-
-
-def test_a_bag_that_is_cut_off_keeps_what_is_missing(log, tmp_path):
-    path = log.save(tmp_path / "run.mcap")
-    path.write_bytes(path.read_bytes()[:-40])
-    with pytest.warns(silo.LogWarning, match="cut off"):
-        found = silo.open_log(path)
-    assert found["j/large"].values.tolist() == expected("large")
-    assert found["j/list"].values.tolist() == LISTS
 
 
 def test_parquet_has_null(log, tmp_path):
@@ -201,12 +177,6 @@ def test_dividers_and_first_ticks_stay_with_missing_samples(tmp_path, ending):
     (element,) = again.elements
     assert (element.first, element.divider, element.count) == (7, 4, 1000)
     assert [entry.values.tolist() for entry in element.entries] == [values.tolist(), (values + 5).tolist()]
-
-
-@pytest.mark.parametrize("ending", FORMATS)
-def test_an_element_without_one_value_is_all_missing(tmp_path, ending):
-    values = np.ma.masked_array(np.zeros(9, np.int64), True)
-    assert silo.open_log(recording(values).save(tmp_path / f"run{ending}"))["x"].values.tolist() == [None] * 9
 
 
 @pytest.mark.parametrize("ending", (*FORMATS, ".npz"))

@@ -138,12 +138,6 @@ def test_stats_and_plot_read_what_they_show(path, read, command):
     assert set(read) == {"/log/g1/s5"}
 
 
-def test_a_signal_reads_itself_alone(path, read):
-    log = silo.open_log(path)
-    assert np.array_equal(log["g1/s5"].values, recording().elements[5].entries[0].values)
-    assert set(read) == {"/log/g1/s5"}
-
-
 def test_an_expression_reads_what_it_names(path, read):
     found = silo.open_log(path).eval("g1/s5 > 0.5 and g2/s9 > 0.5")
     assert len(found) == TICKS

@@ -107,14 +107,6 @@ class TestText:
         text = draw_text(chart, color=False)
         assert [one for one in words if one not in text] == []
 
-    @pytest.mark.parametrize("name", ["", " ", "two\nlines", "\x1b[31m"])
-    def test_any_text_can_name_a_value(self, name):
-        text = draw_text(
-            Chart([Curve("text", np.arange(3.0), np.array([0.0, 1, 0]))], left_ticks={0: name, 1: "b"}), 60, 14
-        )
-        assert len(text.split("\n")) == 14
-        assert "\x1b[31m" not in text
-
     def test_words_of_a_file_are_none_of_the_escape_sequences_that_it_is_drawn_with(self):
         evil = "\x1b[31m\x9b5m\u202e\x07"
         curve = Curve(evil, np.arange(3.0), np.array([0.0, 1, 0]))
@@ -222,9 +214,6 @@ class TestPicking:
 
     def test_a_signal_comes_once_however_often_it_matches(self, log):
         assert len(pick(log, ["LF/torque", "torque", "*"])) == 10
-
-    def test_a_divided_signal_has_the_stamps_of_its_ticks(self, log):
-        assert pick(log, ["slow"])[0].time_ns.tolist() == log.time_ns[50::100].tolist()
 
 
 class TestCharts:

@@ -7,8 +7,6 @@ import os
 import re
 import shutil
 import sqlite3
-import subprocess
-import sys
 import threading
 import time
 from dataclasses import replace
@@ -509,13 +507,6 @@ def test_a_run_whose_best_format_is_deleted_is_not_read_again(root, monkeypatch)
     assert names(silo.runs(root))[-1] == "run4"
 
 
-def test_a_run_whose_formats_are_all_deleted_is_gone(root):
-    silo.runs(root)
-    for ending in ("silo", "csv"):
-        (root / f"tuesday/run3.{ending}").unlink()
-    assert names(silo.runs(root)) == ["run0", "run1", "run2", "run4"]
-
-
 @pytest.mark.parametrize("order", itertools.permutations(["run.silo", "run.csv", "run.mcap"], 2))
 def test_of_several_formats_the_best_is_taken_in_whatever_order_they_lie_there(order, tmp_path, monkeypatch):
     monkeypatch.setattr(finding, "_below", lambda *_: iter([(name, There(len(name), 1)) for name in order]))
@@ -529,19 +520,6 @@ def test_another_format_that_changed_since_is_read(root):
     (root / "tuesday/run3.csv").touch()
     (root / "tuesday/run3.silo").unlink()
     assert silo.runs(root)[3].facts.path == "tuesday/run3.csv"
-
-
-@pytest.mark.slow
-def test_processes_that_keep_it_at_once_lose_nothing_and_have_nothing_twice(root):
-    silo.runs(root)
-    for copy in range(8):
-        shutil.copy(root / "monday/run1.silo", root / f"monday/copy{copy}.silo")
-    kept = [subprocess.Popen([sys.executable, "-m", "silo.run_index.keeping", root]) for _ in range(3)]
-    found = silo.runs(root)
-    assert [one.wait() for one in kept] == [0, 0, 0]
-    assert len(names(found)) == len(set(names(found))) == RUNS + 8
-    assert silo.runs(root).values("max(joints/tau)") == found.values("max(joints/tau)")
-    assert silo.runs(root, rebuild=True).values("max(joints/tau)") == found.values("max(joints/tau)")
 
 
 def test_a_list_stays_right_while_somebody_makes_the_index_anew(root):
@@ -647,13 +625,6 @@ def test_a_note_is_words_or_an_undo(root, given, monkeypatch):
     monkeypatch.chdir(root / "monday")
     told = shell(*given)
     assert (told.exit_code, told.stderr.splitlines()[-1]) == (2, "Error: write what is to be noted, or --undo")
-
-
-def test_a_run_that_is_not_there_is_named(root, monkeypatch):
-    monkeypatch.chdir(root)
-    told = shell("tag", "run9", "x")
-    assert (told.exit_code, "no log 'run9'" in told.output) == (1, True), told.output
-    assert not (root / labels.NAME).exists()
 
 
 def test_logs_with_names_that_cannot_be_shown_are_counted(root):
@@ -806,16 +777,6 @@ def test_a_file_that_is_cut_off_lost_what_it_lacks(tmp_path, ending):
     assert f"lost {count(run.facts.lost)}" in shell("info", path).stdout
 
 
-def test_a_part_that_is_missing_in_the_middle_counts_as_lost(cut):
-    (lost,) = cut.glob("*_part2.silo")
-    lost.unlink()
-    (run,) = silo.runs(cut)
-    assert (run.facts.ticks, run.facts.lost, run.facts.warnings) == (40, 40, 1)
-    assert not silo.runs(cut, where="lost == 0")
-    with pytest.warns(silo.LogWarning, match="part 2 of this run"):
-        assert len(run.open().warnings) == 1
-
-
 def test_of_a_part_that_is_missing_as_many_samples_are_lost_as_dividers_let_come(tmp_path):
     clock = itertools.count(1_700_000_000_000_000_000, 10_000_000).__next__
     log = silo.Logger("anymal", frequency=100, folder=tmp_path, script=tmp_path / "none.yaml", clock=clock)
@@ -882,26 +843,6 @@ def test_of_a_run_in_several_files_each_is_archived_once_whatever_comes_or_goes(
     (cut / names[0]).unlink()
     later = archive.add(silo.runs(cut))
     assert (later.added, later.kept, later.problems) == ([], 2, {})
-
-
-def test_infinite_samples_of_a_part_that_was_deleted_are_kept_in_an_archive(tmp_path):
-    pytest.importorskip("pyarrow")
-    pytest.importorskip("polars")
-    log = silo.Logger("anymal", frequency=100, folder=tmp_path, script=tmp_path / "none.yaml")
-    x = log.array("x", buffer="growing")
-    log.start()
-    for value in (0.0, np.inf, 2.0, 3.0):
-        if value == 2.0:
-            log.set("x", divider=2, cut=True)
-        x[...] = value
-        log.collect()
-    log.save()
-    log.close()
-    archive = Archive(str(tmp_path / "archive"))
-    archive.add(silo.runs(tmp_path))
-    min(tmp_path.glob("*_part1.silo")).unlink()
-    assert archive.add(silo.runs(tmp_path)).problems == {}
-    assert archive.frame("signals").select("samples", "min", "max", "mean").rows() == [(3, 0.0, np.inf, np.inf)]
 
 
 @pytest.mark.parametrize("where", ["there", "memory://runs-in-parts"])

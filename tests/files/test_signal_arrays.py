@@ -194,15 +194,6 @@ def test_tables_have_the_words_of_an_enumeration_that_is_a_field(log):
     assert log.to_polars()["/log/state_leg_gait"].cast(str).to_list()[9:11] == ["STAND", "TROT"]
 
 
-def test_comparison_with_none_is_no_mask(log):
-    assert (log["x"] == None) is False  # noqa: E711
-
-
-def test_signals_can_be_keys(log):
-    x = log["x"]
-    assert {x: 1}[x] == 1
-
-
 @pytest.mark.parametrize(
     ("function", "unit"),
     [
@@ -272,11 +263,6 @@ def test_beside_a_division_by_zero_rests_of_large_numbers_are_right_to_the_last_
     one = silo.Signal("one", np.array(large, dtype), np.arange(3))
     rest = one % silo.Signal("other", np.array([1000, 0, 7], dtype), np.arange(3))
     np.testing.assert_array_equal(rest.values, [large[0] % 1000, np.nan, large[2] % 7])
-
-
-def test_a_signal_is_converted_by_its_unit(log):
-    assert log["x"].to("mm")[3] == 3000
-    assert log["q"].to("deg").unit == "deg"
 
 
 @pytest.mark.parametrize(

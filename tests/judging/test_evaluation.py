@@ -352,13 +352,6 @@ def test_a_row_that_was_lost_is_unobservable_not_quiet():
     assert found.codes(1).tolist() == [1, 1, 1, 1]
 
 
-def test_what_is_known_decides_beside_what_is_unobservable():
-    streams = {0: stream_of([(0, 9.0)], 0, (0, 0))}
-    for text, code in (("a < 5 and gone > 1", 0), ("a > 5 or gone > 1", 1), ("a > 5 and gone > 1", -1)):
-        bound = bind(text, CATALOGUE)
-        assert Evaluator(bound).feed({0: rows_of(streams[0], 0)}).codes().tolist() == [code]
-
-
 def test_an_expression_of_elements_that_are_off_is_never_judged():
     assert len(Evaluator(bind("gone > 3", CATALOGUE)).feed({}).ticks) == 0
 
@@ -368,16 +361,6 @@ def test_a_not_a_number_is_unobservable_and_can_be_asked_for():
     assert evaluated(bind("a > 0", CATALOGUE), streams)[1].tolist()[1:] == [1.0]
     assert math.isnan(evaluated(bind("a > 0", CATALOGUE), streams)[1][0])
     assert evaluated(bind("isnan(a)", CATALOGUE), streams)[1].tolist() == [1.0, 0.0]
-
-
-def test_previous_steps_per_sample_of_its_own_signal():
-    streams = {
-        0: stream_of([(tick, 0.0) for tick in range(4)], 0, (0, 0)),
-        1: stream_of([(0, 5.0), (2, 7.0)], 1, (1, 0)),
-    }
-    found = evaluated(bind("prev(b) + 0 * a", CATALOGUE), streams)[1]
-    assert np.isnan(found[:2]).all()
-    assert found[2:].tolist() == [5.0, 5.0]
 
 
 @pytest.mark.parametrize(

@@ -46,12 +46,37 @@ def robot(tmp_path, runtime_folder, monkeypatch):
     made.logger.close()
 
 
-def test_a_violation_that_becomes_red_is_told_at_once(robot):
+@pytest.mark.parametrize(
+    ("looks", "at_the_end"),
+    [
+        ([((0, 7), "H 7 at tick 1, limit 5"), ((30, 30), "HH 30 at tick 2, limit 10")], []),
+        (  # one that comes later and is worse
+            [((7, 0), "H 7 at tick 0, limit 5; within its limits again from tick 1 on"),
+             ((30, 0, 6, 0), "HH 30 at tick 2, limit 10, 2 times; within its limits again from tick 5 on")], [],
+        ),
+        (  # what isn't told yet
+            [((30, 0), "HH 30 at tick 0, limit 10; within its limits again from tick 1 on"), ((0, 40, 0), "")],
+            ["HH 40 at tick 3, limit 10; within its limits again from tick 4 on"],
+        ),
+        (  # a peak that grew
+            [((30,), "HH 30 at tick 0, limit 10"), ((90, 20, 0), "")],
+            ["is within its limits again; its peak was 90 at tick 1"],
+        ),
+        (  # one that grew, and another one behind it
+            [((30,), "HH 30 at tick 0, limit 10"), ((50, 0, 20, 0), "")],
+            ["HH 50 at tick 1, limit 10; within its limits again",
+             "HH 20 at tick 3, limit 10; within its limits again from tick 4 on"],
+        ),
+    ],
+)  # fmt: skip
+def test_the_worst_is_told_at_once_and_the_rest_at_the_end(robot, looks, at_the_end):
     robot.start()
-    robot.collect(0, 7)
-    assert robot.told() == ["/log/x H 7 at tick 1, limit 5"]
-    robot.collect(30, 30)
-    assert robot.told() == ["/log/x HH 30 at tick 2, limit 10"]
+    for values, told in looks:
+        robot.collect(*values)
+        assert robot.told() == [f"/log/x {told}"] * bool(told)
+    robot.logger.stop()
+    told = [news.text for news in robot.judge.end("the logger was stopped").limits]
+    assert told == [f"/log/x {text}" for text in at_the_end]
 
 
 def test_each_violation_that_begins_or_becomes_worse_fires_at_once_told_or_not(robot):
@@ -64,36 +89,6 @@ def test_each_violation_that_begins_or_becomes_worse_fires_at_once_told_or_not(r
         "/log/x H 7 at tick 1, limit 5", "", "/log/x HH 30 at tick 4, limit 10", "", "/log/x H 7 at tick 7, limit 5",
         "/log/x H 6 at tick 9, limit 5", "",
     ]  # fmt: skip
-
-
-def test_a_later_violation_that_is_worse_is_told_at_once(robot):
-    robot.start()
-    robot.collect(7, 0)
-    assert robot.told() == ["/log/x H 7 at tick 0, limit 5; within its limits again from tick 1 on"]
-    robot.collect(30, 0, 6, 0)
-    assert robot.told() == ["/log/x HH 30 at tick 2, limit 10, 2 times; within its limits again from tick 5 on"]
-
-
-def test_what_is_not_yet_told_is_told_at_the_end(robot):
-    robot.start()
-    robot.collect(30, 0)
-    assert len(robot.told()) == 1
-    robot.collect(0, 40, 0)
-    assert robot.told() == []
-    robot.logger.stop()
-    told = [news.text for news in robot.judge.end("the logger was stopped").limits]
-    assert told == ["/log/x HH 40 at tick 3, limit 10; within its limits again from tick 4 on"]
-
-
-def test_a_peak_that_grew_is_told_when_it_is_over(robot):
-    robot.start()
-    robot.collect(30)
-    assert robot.told() == ["/log/x HH 30 at tick 0, limit 10"]
-    robot.collect(90, 20, 0)
-    assert robot.told() == []
-    robot.logger.stop()
-    told = [news.text for news in robot.judge.end("the logger was stopped").limits]
-    assert told == ["/log/x is within its limits again; its peak was 90 at tick 1"]
 
 
 @pytest.mark.parametrize("level", [30, 7])
@@ -110,19 +105,6 @@ def test_what_comes_behind_a_violation_that_is_known_is_told_with_its_own_peak(r
     (news,) = robot.judge.step().limits
     assert (news.text, news.tick) == (f"/log/x {word}; within its limits again from tick 6 on", 5)
     assert robot.told() == []
-
-
-def test_a_known_violation_that_grew_and_one_behind_it_are_both_told(robot):
-    robot.start()
-    robot.collect(30)
-    robot.told()
-    robot.collect(50, 0, 20, 0)
-    robot.judge.step()
-    robot.logger.stop()
-    assert [news.text for news in robot.judge.end("the logger was stopped").limits] == [
-        "/log/x HH 50 at tick 1, limit 10; within its limits again",
-        "/log/x HH 20 at tick 3, limit 10; within its limits again from tick 4 on",
-    ]
 
 
 def test_of_many_at_once_those_that_are_not_told_now_are_told_next_each_with_its_peak(robot):

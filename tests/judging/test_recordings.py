@@ -242,11 +242,6 @@ class TestCheck:
         assert found.worst == "UNOBSERVABLE"
         assert found.why == "10 of 10 samples have no value (NaN) and are not judged"
 
-    def test_a_signal_that_froze_is_stale(self):
-        values = np.concatenate([np.arange(100.0), np.full(100, 99.0)])
-        (found,) = check(recording(element("x", values), ticks=200), [SignalLimits("x", stale_s=0.05)])
-        assert (found.stale, found.violated) == (1, True)
-
     def test_the_command_ends_with_a_code_for_scripts(self, spiky, tmp_path, capsys, monkeypatch):
         write(spiky, tmp_path, "robot", ["silo"], "run")
         file = str(tmp_path / "run.silo")
@@ -260,13 +255,6 @@ class TestCheck:
             assert run(words) == 2
         assert run(["check", file, "--limit", "x=4,3,2,1"]) == EXIT_FAILED
 
-    def test_limits_in_the_log_need_no_arguments(self, spiky, tmp_path):
-        conditions = Conditions(
-            (Derived("/log/twice", "2 * x"),), (SignalLimits("twice", bounds=(None, None, 150, None)),)
-        )
-        write(Recording(**{**vars(spiky), "conditions": conditions}), tmp_path, "robot", ["silo"], "run")
-        assert run(["check", str(tmp_path / "run.silo")]) == EXIT_FOUND
-
 
 class TestLogger:
     @pytest.fixture
@@ -275,20 +263,6 @@ class TestLogger:
             self.q = log.array("q", 2, group="joints", unit="rad")
             log.add(lambda: 3, "mode")
             yield log
-
-    def test_what_is_derived_and_limited_is_in_the_saved_file(self, log):
-        log.derive("twice", "2 * joints/q", group="joints")
-        log.limit("joints/twice", (None, None, 3, 5), stale="0.5s", persistence=2)
-        log.start()
-        for tick in range(5):
-            self.q[:] = tick
-            log.collect()
-        log.stop()
-        (saved,) = log.save("silo")
-        found = silo.open_log(saved.path)
-        assert found["joints/twice"].values[:, 0].tolist() == [0, 2, 4, 6, 8]
-        assert found["joints/twice"].unit == "rad"
-        assert [one.worst for one in check(found.recording, found.recording.conditions.limits)] == ["RED_HIGH"] * 2
 
     def test_mistakes_are_refused_and_nothing_changes(self, log):
         with pytest.raises(silo.errors.ExpressionError, match="did you mean 'joints/q"):

@@ -317,14 +317,6 @@ def test_windows_for_which_there_is_no_memory_are_not_judged_and_said_and_all_ot
     assert [one is TriggerWord.BLIND for one in states] == [False, False, False, True, False]
 
 
-def test_a_trigger_of_an_element_that_is_off_is_unobservable(robot):
-    robot.logger.trigger("spike", "slow > 50", pre="5ms")
-    robot.logger.update()
-    robot.logger.set("slow", enabled=False)
-    robot.start()
-    assert robot.judge.problems == ["trigger 'spike' is unobservable: the elements in it are off"]
-
-
 def test_spikes_of_one_sample_at_random_places_are_all_captured_and_nothing_else(tmp_path, runtime_folder):
     robot = Robot(tmp_path, signals=500, size=2000)
     pre, post, ticks = 7, 3, 20_000
