@@ -19,7 +19,7 @@ from silo.fleet.fleet import asked_all
 from silo.fleet.resolving import discover
 from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import RefusedWhy
-from tests.waiting import DEADLINE_S, freeze, wait_until
+from tests.waiting import DEADLINE_S, freeze
 
 
 @pytest.fixture
@@ -68,10 +68,6 @@ def test_killed_helper_is_replaced_and_everything_goes_on(robot, watcher, until)
     watcher.topic.read()
     until(watcher.topic.read)
     os.kill(status.helper_pid, signal.SIGKILL)
-
-
-def test_who_reads_what_a_program_prints_needs_not_wait_for_its_helper(robot) -> None:
-    assert Path(f"/proc/{robot.helper_pid}/fd/1").readlink() == Path("/dev/null")
 
 
 def test_loss_of_the_helper_is_noticed_sooner_than_its_silence(robot, watcher, until) -> None:
@@ -188,17 +184,6 @@ def test_segment_of_a_living_program_is_not_stale(robot, runtime) -> None:
         recover(next(runtime.glob("*.segment")))
 
 
-def test_damaged_segment_is_named_and_kept(runtime) -> None:
-    from silo.recovery.segments import left_segments
-
-    path = runtime / "x.1.0.segment"
-    path.write_bytes(b"nonsense" * 2000)
-    (stale,) = left_segments()
-    stays = f"it stays, and keeps no other from being saved; to free its memory: rm {path}"
-    assert stale.reason == f"is not a silo segment; {stays}"
-    assert stale.schema is None
-
-
 def test_frozen_robot_program_holds_up_no_status(robot, watcher) -> None:
     freeze(robot.pid)
     refused = []
@@ -251,14 +236,6 @@ def test_frozen_client_costs_the_others_nothing(robot, stranger, watcher, until)
     os.kill(stranger.pid, signal.SIGCONT)
 
 
-def test_killed_client_leaves_nothing_behind(robot, stranger, watcher, until) -> None:
-    stranger.kill()
-    until(watcher.sees)
-    # its views would still count: 48 of others and these 16 fill the helper
-    assert len([watcher.client.view(["/log/x"]) for _ in range(15)]) == 15
-    assert watcher.client.status().helper_pid == robot.helper_pid
-
-
 def test_ctrl_c_in_the_terminal_of_the_robot_does_not_end_the_helper(robots, until) -> None:
     robot = robots("bot", start_new_session=True)
     with Client.connect("bot") as client:
@@ -267,25 +244,12 @@ def test_ctrl_c_in_the_terminal_of_the_robot_does_not_end_the_helper(robots, unt
         until(lambda: client.status().state is State.DEAD)
 
 
-def test_interrupt_that_reaches_the_helper_is_ignored(robot, watcher) -> None:
-    os.kill(robot.helper_pid, signal.SIGINT)
-    assert watcher.client.status().helper_pid == robot.helper_pid
-
-
 def test_service_manager_that_ends_both_loses_no_data(robot, watcher, until, tmp_path) -> None:
     os.kill(robot.helper_pid, signal.SIGTERM)
     robot.process.terminate()
     robot.process.wait()
     until(lambda: list((tmp_path / "logs").glob("*.silo")))
     until(lambda: not Path(f"/proc/{robot.helper_pid}").exists() or watcher.heard(EventKind.CRASHED))
-
-
-def test_client_may_come_before_the_logger(robots, runtime) -> None:
-    with pytest.raises(ConnectionLostError):
-        Client.connect("bot")
-    robots("bot")
-    with Client.connect("bot") as client:
-        wait_until(lambda: client.status().state is State.RUNNING)
 
 
 def resident_kb(status: str) -> int:

@@ -2,7 +2,6 @@
 
 import fcntl
 import os
-import resource
 import shutil
 import signal
 import socket
@@ -22,7 +21,7 @@ from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import LoggerOptions
 from silo.core.runtime import open_unfinished, sweep_unfinished, unopened
-from silo.errors import SaveError, SegmentError
+from silo.errors import SegmentError
 from silo.files.atomic import atomic_file, atomic_folder, sweep_parts
 from silo.helper.left_logs import recover
 from silo.journal.folders import RECORDINGS, remember_folder
@@ -495,18 +494,6 @@ def test_who_waited_for_a_segment_that_another_saved_is_told_so(tmp_path, capsys
     assert "another process saved it meanwhile" in capsys.readouterr().out
 
 
-def test_a_recording_that_was_deleted_but_not_saved_is_not_told_as_saved(tmp_path):
-    from silo.recovery.left import save_reader
-    from silo.recovery.segments import claimed
-
-    path = die(tmp_path)
-    with closing(SegmentReader(path)) as reader:
-        path.unlink()
-        with claimed(reader):
-            (file,), _ = save_reader(reader, tmp_path)
-    assert silo.open_log(file.path)["/log/x"].values.tolist() == [0, 1, 2, 3, 4]
-
-
 def test_zeroed_rows_are_not_saved_as_values_without_a_word(tmp_path, capsys):
     path = die(tmp_path, "arm", 3000, 3000)
     with closing(SegmentReader(path)) as reader:
@@ -657,16 +644,3 @@ def test_a_segment_in_a_log_folder_is_found_by_commands_that_do_not_know_the_fol
     assert run(["recover"]) == 0
     assert len(list((tmp_path / "logs").glob("*.silo"))) == 1
     assert list(runtime_folder.iterdir()) == []
-
-
-def test_a_file_of_which_a_disk_takes_only_the_begin_stands_nowhere(tmp_path):
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    target = tmp_path / "script.yaml"
-    target.write_bytes(b"before")
-    resource.setrlimit(resource.RLIMIT_FSIZE, (10, limits[1]))  # a write beyond it takes 10 bytes, as on a full disk
-    try:
-        with pytest.raises(SaveError, match="can't save"), atomic_file(target) as file:
-            file.write(b"log_elements: []")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert target.read_bytes() == b"before"

@@ -158,21 +158,6 @@ def test_a_forked_child_that_leaves_what_serves_its_parent_ends_nothing(tmp_path
     assert saved_values(tmp_path) == list(range(7))
 
 
-def test_a_new_helper_process_is_handed_the_run_that_goes_on(served, until):
-    log = served()
-    x = log.array("x", (), np.int64)
-    serving = log.serve()
-    log.start()
-    for tick in range(10):
-        x[...] = tick
-        log.collect()
-    first = serving.helper_pid
-    os.kill(first, signal.SIGKILL)
-    until(lambda: serving.helper_pid != first and serving.is_up)
-    (file,) = log.save()
-    assert silo.open_log(file.path)["/log/x"].values.tolist() == list(range(10))
-
-
 # ----------------------------------------------------------------------------------------- a start that fails
 
 
@@ -423,17 +408,6 @@ def test_a_second_logger_of_the_name_saves_and_closes_the_first(served, tmp_path
     second.start()
     with pytest.raises(StateError, match="is closed"):
         first.start()
-
-
-def test_init_again_saves_what_the_default_logger_holds(tmp_path, capfd):
-    options = {"folder": tmp_path, "script": tmp_path / "none.yaml"}
-    silo.init("bot", **options)
-    silo.array("x")
-    silo.start()
-    silo.collect()
-    silo.init("bot", **options)
-    silo.close()
-    assert saved_at(tmp_path, "/log/x") == [0.0]
 
 
 def test_a_forked_child_says_once_that_it_logs_nothing(served, capfd):

@@ -125,15 +125,9 @@ def test_a_snapshot_that_was_overtaken_by_its_writer_says_so(tmp_path, monkeypat
         monkeypatch.setattr(reader, "rows", slow_rows)
         recording = reader.snapshot()
         assert "were overwritten while the snapshot was taken" in recording.warnings[0]
+        assert "/log/live" not in [element.name for element in recording.elements], "it is only published"
         for element in recording.elements:
             assert element.first >= 0
-
-
-def test_an_element_that_is_only_published_is_in_no_snapshot(tmp_path):
-    with writing("correlated", tmp_path) as writer:
-        reader = SegmentReader(writer.segment)
-        wait_for_ticks(reader, 10)
-        assert "/log/live" not in [element.name for element in reader.snapshot().elements]
 
 
 def test_a_growing_buffer_is_read_whole_while_chunks_are_appended(tmp_path):
@@ -180,11 +174,6 @@ def test_a_killed_writer_is_told_from_a_living_one(tmp_path):
         writer.kill()
         assert not reader.alive()
         assert reader.running  # as it said last
-
-
-def test_the_segment_of_a_killed_writer_is_listed(tmp_path):
-    with writing("counted", tmp_path) as writer:
-        writer.kill()
         assert list_segments() == [writer.segment]
 
 

@@ -68,6 +68,11 @@ class Bench:
             self.logger.collect()
             self.now_ns += TICK_NS
 
+    def start(self, count: int) -> None:
+        """Starts it, and runs the loop."""
+        self.logger.start()
+        self.ticks(count)
+
 
 @pytest.fixture
 def runtime(runtime_folder: Path) -> Path:

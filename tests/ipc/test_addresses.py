@@ -184,13 +184,6 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
 
 
 @pytest.mark.slow
-def test_two_robots_of_one_image_are_two_loggers_with_addresses_of_their_own(fleet) -> None:
-    first, second = fleet.found()
-    assert (first.host, first.name) == (second.host, second.name) == (HOST, "same")
-    assert first.id != second.id
-
-
-@pytest.mark.slow
 def test_a_token_that_no_robot_has_is_in_no_list(fleet) -> None:
     settings = zenoh.Config.from_file(fleet.desk)
     settings.insert_json5("mode", '"client"')
@@ -230,18 +223,6 @@ def test_a_command_to_an_address_reaches_that_robot_alone(fleet) -> None:
 
 
 @pytest.mark.slow
-def test_edits_of_one_address_change_one_robot(fleet) -> None:
-    found = fleet.found()[0]
-    mine = fleet.logger_of(found)
-    (other,) = [logger for logger in fleet.loggers if logger is not mine]
-    before = other._table.revision
-    changed = mine._table.revision
-    assert run(["--config", fleet.desk, "set", found.root.address, "x", "divider=7"]) == 0
-    assert mine._table.revision > changed
-    assert other._table.revision == before
-
-
-@pytest.mark.slow
 def test_connect_takes_an_address_and_refuses_a_name_of_two(fleet) -> None:
     address = fleet.found()[1].root.address
     with silo.connect(address, config=fleet.desk) as client:
@@ -258,11 +239,7 @@ def test_ls_shows_hosts_and_what_tells_the_two_apart(fleet, capsys) -> None:
     assert head.split()[-1] == "ADDRESS"
     assert sorted(row.split()[-1] for row in rows) == sorted(found.root.address for found in fleet.found())
     assert {row.split()[1] for row in rows} == {HOST}
-
-
-@pytest.mark.slow
-def test_machines_are_told_addresses_that_tell_the_two_apart(fleet, capsys) -> None:
-    assert run(["--config", fleet.desk, "ls", "--json"]) == 0
+    assert run(["--config", fleet.desk, "ls", "--json"]) == 0  # for machines
     told = [one["address"] for one in json.loads(capsys.readouterr().out)]
     assert sorted(told) == sorted(found.root.address for found in fleet.found())
 

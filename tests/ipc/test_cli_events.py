@@ -18,8 +18,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture
 def bot(bench, client):
-    bench.logger.start()
-    bench.ticks(7)
+    bench.start(7)
     wait_until(lambda: [event for event in client.events() if event.kind == "started"])
     return bench
 

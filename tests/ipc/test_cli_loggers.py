@@ -3,7 +3,6 @@
 import json
 import os
 import shutil
-import signal
 import socket
 import subprocess
 import sys
@@ -336,13 +335,6 @@ def test_a_script_is_loaded_while_it_runs_where_one_says_so(log: silo.Logger, co
     assert log["q"].options.divider == 2
 
 
-def test_restart_stops_changes_and_starts_again(log: silo.Logger, command: Run) -> None:
-    log.start()
-    shown = command("set", "*", "divider=2", "--restart", "--discard")
-    assert (shown.code, "logging again" in shown.out, log.is_running) == (0, True, True)
-    assert {element.options.divider for element in log.elements} == {2}
-
-
 def test_save_prints_the_files_and_info_reads_one(log: silo.Logger, command: Run, folder: Path) -> None:
     start_and_tick(log)
     shown = command("save", "-t", "silo", "-t", "csv", "--name", "walk")
@@ -383,15 +375,6 @@ def test_names_that_the_logger_lacks_are_told(log: silo.Logger, command: Run, fo
     assert (shown.code, shown.err) == (EXIT_FAILED, expected)
 
 
-def test_a_script_with_problems_is_refused_with_its_lines(log: silo.Logger, command: Run, folder: Path) -> None:
-    (folder / "bad.yaml").write_text("log_elements:\n- name: /log/joints/q\n  divider: 0\n")
-    shown = command("script", "load", "bad.yaml")
-    assert shown.code == EXIT_FAILED
-    assert (
-        "bad.yaml:3: element '/log/joints/q': divider must be a whole number from 1 to 2147483647, got 0" in shown.err
-    )
-
-
 def test_watch_prints_live_values(log: silo.Logger, command: Run) -> None:
     log.start()
     shown = command("watch", "arm", "*/q", "*/mode", "*/text", "--rate", "20", "--count", "3")
@@ -413,31 +396,11 @@ def test_watch_without_a_pattern_shows_what_is_on(log: silo.Logger, command: Run
     assert "that are on; say which" in few.err
 
 
-def test_watch_as_json_has_one_object_per_refresh(log: silo.Logger, command: Run) -> None:
-    log.start()
-    lines = command("watch", "*/q", "--rate", "20", "--count", "2", "--json").out.splitlines()
-    assert len(lines) == 2
-    newest = json.loads(lines[-1])
-    assert newest["state"] == "running"
-    assert newest["values"] == {"/log/joints/q_x": 1.5, "/log/joints/q_y": -2.0, "/log/joints/q_z": 0.25}
-
-
 def test_watch_says_what_to_do_for_an_element_that_is_off(log: silo.Logger, command: Run) -> None:
     log.set("joints/tau", enabled=False)
     shown = command("watch", "*/tau")
     assert shown.code == EXIT_FAILED
     assert "/log/joints/tau: off; `silo set PATTERN on`" in shown.err
-
-
-def test_ctrl_c_ends_a_watch_quietly(log: silo.Logger) -> None:
-    log.start()
-    command = [sys.executable, "-c", "from silo.cli import main; main()", "watch", "*/q", "--rate", "20"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        assert "/log/joints/q" in process.stdout.readline()
-        process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=DEADLINE_S)
-    assert (process.returncode, err) == (0, "")
 
 
 def test_names_of_loggers_and_elements_are_completed(log: silo.Logger) -> None:

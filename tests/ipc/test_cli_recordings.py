@@ -22,8 +22,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture
 def saved(bench):
-    bench.logger.start()
-    bench.ticks(300)
+    bench.start(300)
     return [Path(bench.logger.save(("silo", "csv"))[0].path), Path(bench.logger.save("bag", name="walk")[0].path)]
 
 
@@ -79,8 +78,7 @@ def test_a_name_that_means_nothing_is_told(bench, saved):
 
 
 def test_a_fetch_goes_on_where_it_was_when_the_helper_process_died_and_came_again(bench, client, tmp_path):
-    bench.logger.start()
-    bench.ticks(2000)
+    bench.start(2000)
     path = Path(bench.logger.save(name="long")[0].path)
     killed: list[int] = []
     shares: list[int] = []

@@ -97,8 +97,7 @@ def test_of_a_logger_that_died_with_its_helper_info_says_what_it_left(robots, ca
 
 
 def test_watch_as_json_keeps_integers_and_truth_values(bench, capsys):
-    bench.logger.start()
-    bench.ticks(5)
+    bench.start(5)
     assert run(["watch", "/log/gait", "/log/mixed", "/log/x", "--json", "--count", "1"]) == 0
     values = json.loads(capsys.readouterr().out)["values"]
     assert {name: type(value) for name, value in values.items()} == {

@@ -415,14 +415,6 @@ def test_ctrl_c_is_quiet_while_commands_are_loaded(monkeypatch, capsys):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("word", ["--help", "--version"])
-def test_a_closed_pipe_is_quiet(word) -> None:
-    shell = f"{sys.executable} -c 'from silo.cli import main; main()' {word} | true"
-    done = subprocess.run(["bash", "-c", shell], capture_output=True, text=True, timeout=DEADLINE_S, check=False)
-    assert done.stderr == ""
-
-
-@pytest.mark.slow
 def test_the_version_is_said_before_anything_is_loaded_that_parses_words() -> None:
     lines = (
         "import sys; sys.argv[1:] = ['--version']",

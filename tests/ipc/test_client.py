@@ -73,23 +73,6 @@ def test_a_refused_hello_is_no_connection(bench, monkeypatch) -> None:
         Client.connect()
 
 
-def test_two_loggers_of_a_name_must_be_told_apart(bench, robots) -> None:
-    robot = robots("bot")
-    with pytest.raises(ConnectionLostError, match="say which one"):
-        Client.connect("bot")
-    with Client.connect(f"bot.{robot.pid}") as client:
-        assert client.status().pid == robot.pid
-
-
-def test_all_loggers_are_found_with_their_status(bench, robots) -> None:
-    robot = robots("other")
-    answers = asked_all().members
-    assert [(answer.found.name, answer.status.pid) for answer in answers] == [
-        ("bot", os.getpid()),
-        ("other", robot.pid),
-    ]
-
-
 def test_survey_asks_all_loggers_at_the_same_time(bench, robots, monkeypatch) -> None:
     for number in range(3):
         robots(f"robot{number}")

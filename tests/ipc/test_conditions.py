@@ -3,11 +3,9 @@
 import os
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import silo
-from silo.cli.codes import EXIT_BLIND
 from silo.cli.main import run
 from silo.client.client import Client
 from silo.conditions.standing import LimitWord
@@ -45,8 +43,7 @@ def alarm(client, name="/log/x", **wanted):
 def spiked(bench):
     """Begin a run with limits of `x`, of which one sample, that of tick 50, is beyond them."""
     bench.logger.limit("x", (None, None, 200, 300))
-    bench.logger.start()
-    bench.ticks(50)
+    bench.start(50)
     bench.x[...] = 998
     bench.ticks(1)
     bench.x[...] = 10
@@ -59,8 +56,7 @@ def judged(client, bench):
 
 class TestTriggers:
     def test_one_that_is_set_while_it_runs_is_judged_from_now_on(self, bench, client, heard):
-        bench.logger.start()
-        bench.ticks(100)
+        bench.start(100)
         assert client._set_trigger(TriggerOptions("high", "x % 50 == 0", pre_s=0.05)) == "trigger 'high' is set"
         trigger(client, state=TriggerWord.ARMED)
         bench.ticks(60)
@@ -70,8 +66,7 @@ class TestTriggers:
         assert trigger(client).fires == 1
 
     def test_one_that_the_program_sets_while_it_runs_is_judged_too(self, bench, client, heard):
-        bench.logger.start()
-        bench.ticks(10)
+        bench.start(10)
         bench.logger.trigger("late", "x > 50")
         trigger(client, "late", TriggerWord.ARMED)
         bench.ticks(60)
@@ -92,8 +87,7 @@ class TestTriggers:
         wait_until(lambda: "x > 5" in client.read_script().text)
         client.save_script("new.yaml")
         assert read_script(tmp_path / "scripts" / "new.yaml").conditions.triggers[0].when == "x > 5"
-        bench.logger.start()
-        bench.ticks(2)
+        bench.start(2)
         trigger(client, state=TriggerWord.ARMED)
 
     def test_it_survives_a_helper_process_that_dies(self, robots, runtime):
@@ -110,8 +104,7 @@ class TestTriggers:
 
     def test_off_it_does_not_fire_and_armed_again_it_does(self, bench, client, heard):
         bench.logger.trigger("high", "x % 50 == 0")
-        bench.logger.start()
-        bench.ticks(10)
+        bench.start(10)
         trigger(client, state=TriggerWord.ARMED)
         client.arm_trigger("high", armed=False)
         assert trigger(client).state is TriggerWord.OFF
@@ -129,18 +122,9 @@ class TestTriggers:
         assert bench.logger._conditions.now.triggers[0].armed is False
         wait_until(lambda: "armed: false" in client.read_script().text)
 
-    def test_a_single_one_has_fired_until_it_is_armed(self, bench, client):
-        bench.logger.trigger("high", "x % 50 == 0", mode="single")
-        bench.logger.start()
-        bench.ticks(60)
-        trigger(client, state=TriggerWord.FIRED)
-        client.arm_trigger("high")
-        assert trigger(client).state is TriggerWord.ARMED
-
     def test_one_that_is_forced_captures_what_is_newest(self, bench, client, heard):
         bench.logger.trigger("never", "x < 0", pre="50ms")
-        bench.logger.start()
-        bench.ticks(100)
+        bench.start(100)
         judged(client, bench)
         told = client.force_trigger("never")
         assert told == "trigger 'never' was fired by hand at tick 99"
@@ -153,8 +137,7 @@ class TestTriggers:
 
     def test_one_that_is_replaced_goes_on_counting(self, bench, client, heard):
         bench.logger.trigger("high", "x > 20")
-        bench.logger.start()
-        bench.ticks(50)
+        bench.start(50)
         heard.wait(EventKind.CAPTURED)
         client._set_trigger(TriggerOptions("high", "x > 100"))
         wait_until(lambda: trigger(client).options.when == "x > 100")
@@ -175,8 +158,7 @@ class TestTriggers:
         bench.logger.trigger("kept", "kept > 3")
         bench.logger.limit("kept", (None, None, None, 5))
         bench.logger.set("kept", enabled=False)
-        bench.logger.start()
-        bench.ticks(5)
+        bench.start(5)
         assert trigger(client, "kept", TriggerWord.BLIND).why == "/log/kept is off"
         assert alarm(client, "/log/kept").why == "/log/kept is off"
 
@@ -201,8 +183,7 @@ class TestTriggers:
             assert bench.logger._conditions.now.triggers == ()
 
     def test_tried_it_tells_when_it_would_have_fired_or_shows_the_place_of_a_mistake(self, bench, client):
-        bench.logger.start()
-        bench.ticks(160)
+        bench.start(160)
         tried = client.try_trigger(TriggerOptions("any", "x % 50 == 0", post_s=0.1))
         assert (tried.fires, tried.ticks, tried.first, tried.last) == (3, [49, 99, 149], 0, 159)
         assert tried.time_ns[0] == bench.begin_ns + 49 * bench.tick_ns
@@ -211,8 +192,7 @@ class TestTriggers:
         assert bench.logger._conditions.now.triggers == ()
 
     def test_tried_on_a_buffer_that_lapped_it_tells_what_is_held(self, bench, client):
-        bench.logger.start()
-        bench.ticks(3560)
+        bench.start(3560)
         tried = client.try_trigger(TriggerOptions("any", "x % 500 == 0"))
         assert tried.first > 500
         assert tried.ticks == [tick for tick in range(499, 3560, 500) if tick > tried.first]
@@ -228,8 +208,7 @@ class TestLimits:
 
     def test_what_is_acknowledged_is_no_alarm_any_more_and_says_by_whom(self, bench, client):
         bench.logger.limit("x", (None, None, 20, 30))
-        bench.logger.start()
-        bench.ticks(25)
+        bench.start(25)
         assert alarm(client, word=LimitWord.YELLOW_HIGH).alarm
         assert client.acknowledge(["/log/x"], who="anna") == "1 alarm seen by anna"
         assert client.acknowledge(["/log/x"], who="anna") == "no alarm waits to be seen"
@@ -247,32 +226,8 @@ class TestLimits:
         assert (found.value, found.limit, found.limits) == (-1.5, -1, "/log/more")
         assert alarm(client, "/log/more_x").word is LimitWord.OK
 
-    def test_an_element_with_limits_that_make_no_sense_is_not_added(self, bench):
-        with pytest.raises(silo.ElementError, match="must rise"):
-            bench.logger.array("more", 3, limits=(2, 1, 1, 2))
-        bench.logger.update()
-        assert "/log/more" not in bench.logger
-
-    def test_limits_with_a_condition_and_of_derived_signals_are_judged(self, bench, client):
-        bench.logger.derive("twice", "2 * x")
-        bench.logger.limit("twice", (None, None, 90, 1000), when="gait == TROT")
-        bench.logger.start()
-        bench.ticks(60)
-        bench.gait[...] = 1
-        bench.ticks(2)
-        found = alarm(client, "/log/twice", count=1)
-        assert (found.word, found.since_tick) == (LimitWord.YELLOW_HIGH, 60)
-
-    def test_a_value_that_stays_the_same_is_stale(self, bench, client):
-        bench.logger.limit("kept", (None, None, None, 5), stale="200ms")
-        bench.logger.start()
-        bench.ticks(50)
-        assert alarm(client, "/log/kept", word=LimitWord.STALE).stale_count == 1
-        wait_until(lambda: "/log/kept is frozen: no new value for 0.2 s" in [one.text for one in client.events()])
-
     def test_a_client_gives_and_takes_limits_while_it_runs(self, bench, client):
-        bench.logger.start()
-        bench.ticks(50)
+        bench.start(50)
         client._set_limits(SignalLimits("x", bounds=(None, None, 40, 100)))
         wait_until(lambda: client.alarms().limits)
         bench.ticks(1)
@@ -293,8 +248,7 @@ class TestLimits:
 class TestCommands:
     def test_a_trigger_is_set_tried_listed_and_removed(self, bench, client, capsys):
         bench.logger.set("kept", enabled=False)
-        bench.logger.start()
-        bench.ticks(60)
+        bench.start(60)
         wait_until(lambda: client.status().ticks == 60)
         assert run(["trigger", "bot", "test", "x % 20 == 0"]) == 0
         assert "would have fired 3 times in the 0.59 s that are held; true for 5 %" in capsys.readouterr().out
@@ -316,19 +270,9 @@ class TestCommands:
         assert run(["trigger", "rm", "high"]) == 0
         assert [one.name for one in bench.logger._conditions.now.triggers] == ["dark"]
 
-    def test_alarms_end_with_5_where_nothing_could_be_judged(self, bench, client, capsys):
-        bench.logger.limit("x", (None, None, 40, 100))
-        bench.logger.set("x", enabled=False)
-        bench.logger.start()
-        bench.ticks(20)
-        alarm(client, word=LimitWord.BLIND)
-        assert run(["alarms"]) == EXIT_BLIND
-        assert "nothing was judged in this run (1 watched, 1 blind)" in capsys.readouterr().out
-
     def test_alarms_end_with_1_if_anything_was_violated(self, bench, client, capsys):
         bench.logger.limit("x", (None, None, 40, 100))
-        bench.logger.start()
-        bench.ticks(20)
+        bench.start(20)
         alarm(client, word=LimitWord.OK)
         assert run(["alarms"]) == 0
         bench.ticks(30)
@@ -387,8 +331,7 @@ class TestCuts:
 
     def test_a_violation_that_lasts_is_one_and_is_told_once(self, bench, client, heard):
         bench.logger.limit("x", (None, None, 20, 1000))
-        bench.logger.start()
-        bench.ticks(30)
+        bench.start(30)
         alarm(client, word=LimitWord.YELLOW_HIGH)
         self.cut(bench, client)
         found = alarm(client, samples=14)
@@ -403,8 +346,7 @@ class TestCuts:
         bench.logger.trigger("once", "x > 20", mode="single")
         bench.logger.trigger("each", "x > 20", holdoff="0.5s")
         bench.logger.trigger("still", "x % 10 == 0", holdoff="0.5s")
-        bench.logger.start()
-        bench.ticks(25)
+        bench.start(25)
         heard.wait(EventKind.TRIGGERED)
         self.cut(bench, client)
         found = {one.options.name: one for one in client.triggers().triggers}
@@ -422,8 +364,7 @@ class TestCuts:
     def test_a_trigger_that_a_client_holds_goes_on_too(self, bench, client):
         one = TriggerOptions("scope", "x > 20", mode="single", save=())
         client._set_trigger(one, lease_s=60)
-        bench.logger.start()
-        bench.ticks(25)
+        bench.start(25)
         trigger(client, "scope", TriggerWord.FIRED)
         self.cut(bench, client)
         found = trigger(client, "scope")
@@ -435,8 +376,7 @@ class TestCuts:
         bench.logger.trigger("jump", "step > 50", save=())
         bench.logger.trigger("mean", "mean(q_x, 200ms) > 20", save=())
         bench.q[0] = 0.0
-        bench.logger.start()
-        bench.ticks(29)
+        bench.start(29)
         self.cut(bench, client)
         bench.q[0] = 100.0
         for _ in range(3):
@@ -448,8 +388,7 @@ class TestCuts:
 
     def test_one_that_the_cut_changes_counts_on(self, bench, client, tmp_path):
         bench.logger.trigger("high", "x > 20", pre=0, post=0)
-        bench.logger.start()
-        bench.ticks(25)
+        bench.start(25)
         wait_until(lambda: trigger(client).fires == 1)
         script = tmp_path / "scripts" / "other.yaml"
         bench.logger.save_script(script)
@@ -516,8 +455,7 @@ class TestCuts:
 
     def test_a_violation_from_before_the_cut_is_told_without_a_tick(self, bench, client, heard):
         bench.logger.limit("x", (None, None, 20, 1000))
-        bench.logger.start()
-        bench.ticks(19)
+        bench.start(19)
         wait_until(lambda: client.alarms().tick == 19)
         bench.ticks(3)
         self.cut(bench, client)
@@ -554,31 +492,6 @@ def test_a_program_starts_though_its_script_holds_a_trigger_for_which_buffers_be
     log.start()
     assert [one.name for one in log._conditions.now.triggers] == ["deep"]
     assert "trigger 'deep' will capture less than it should: too short for pre of 1 s" in caplog.text
-
-
-def test_of_a_trigger_that_a_client_sets_the_newest_captures_stay_of_a_programs_all(bench, client):
-    bench.logger.trigger("own", "x > 1e9")
-    client.trigger("asked", "x > 1e9")
-    run(["trigger", "add", "bot", "typed", "x > 1e9"])
-    kept = {one.options.name: one.options.keep for one in client.triggers().triggers}
-    assert kept == {"own": 0, "asked": 100, "typed": 100}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("when", ["", "a > 0"])
-def test_limits_of_integers_are_judged_to_the_last_digit(new_logger, runtime, when):
-    log = new_logger("ints", frequency=100, max_time=10)
-    a, beside = log.array("a", dtype=np.int64), log.array("beside")
-    log.limit("a", (None, None, None, 2**53), when=when)
-    log.limit("beside", (None, None, None, 1e300))
-    log.serve()
-    log.start()
-    beside[...] = np.nan
-    for value in (2**53 - 1, 2**53, 2**53 + 1):
-        a[...] = value
-        log.collect()
-    with Client.connect("ints") as client:
-        assert alarm(client, name="/log/a", word=LimitWord.RED_HIGH).count == 1
 
 
 def test_a_client_says_limits_triggers_and_signals_as_a_program_does(client, caplog):

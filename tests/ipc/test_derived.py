@@ -9,7 +9,7 @@ import pytest
 import silo
 from silo.cli.main import run as silo_command
 from silo.client.client import Client
-from silo.core.elements import Edit, RecorderState, State
+from silo.core.elements import Edit, State
 from silo.errors import RefusedError
 from silo.history.requests import OpenPin
 from silo.live.quantities import QUANTITIES
@@ -30,8 +30,7 @@ def derive(bench, client, name, expression, unit=""):
 
 def run(bench, client, ticks):
     """Start the logger and log so many ticks, until clients see them."""
-    bench.logger.start()
-    bench.ticks(ticks)
+    bench.start(ticks)
     wait_until(lambda: client.status().ticks == ticks)
 
 
@@ -252,22 +251,6 @@ class TestRows:
         wait_until(lambda: client.table().derived[0].expression == "100 * x")
         bench.ticks(5)
         assert wait_until(lambda: next((one for one in client.alarms().limits if one.count), None)).worst >= 2000
-
-
-def test_a_recording_without_end_has_it(bench, client, tmp_path):
-    derive(bench, client, "twice", "2 * x")
-    bench.logger.start()
-    client.record(["twice", "x"], "parts")
-    wait_until(lambda: client.recorders()[0].state is RecorderState.RECORDING)
-    begun = bench.logger.ticks
-    bench.ticks(100)
-    wait_until(lambda: client.recorders()[0].samples >= 200)
-    client.stop_recorder()
-    (part,) = wait_until(lambda: list((tmp_path / "logs" / "parts").glob("*.mcap")))
-    found = silo.open_log(part)
-    assert begun == 0
-    assert found["twice"].values.tolist() == [2.0 * at for at in range(1, 101)]
-    assert [one.name for one in found.recording.conditions.derived] == ["/log/twice"]
 
 
 def test_the_commands_make_list_watch_and_remove_it(bench, client, capsys):

@@ -37,8 +37,7 @@ def test_a_helper_process_may_open_as_many_files_as_the_system_lets_it(client) -
 
 def test_without_descriptors_it_lives_on_and_what_it_could_not_do_is_done_then(bench, client) -> None:
     bench.logger.trigger("high", "x % 50 == 0", pre="50ms", post="50ms")
-    bench.logger.start()
-    bench.ticks(20)
+    bench.start(20)
     pid = client.status().helper_pid
     soft = resource.prlimit(pid, resource.RLIMIT_NOFILE)[0]
     limit(pid, NONE_MORE)

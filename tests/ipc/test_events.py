@@ -28,8 +28,7 @@ def logged(client, kind):
 
 
 def test_what_happens_is_logged_with_tick_stamp_and_who(bench, client, heard):
-    bench.logger.start()
-    bench.ticks(5)
+    bench.start(5)
     client.stop()
     edit_names = [event.text for event in client.events() if event.kind == "edited"]
     heard.wait(EventKind.STOPPED)
@@ -42,8 +41,7 @@ def test_what_happens_is_logged_with_tick_stamp_and_who(bench, client, heard):
 
 
 def test_the_last_tick_of_a_run_that_a_restart_followed_is_logged(bench, client):
-    bench.logger.start()
-    bench.ticks(7)
+    bench.start(7)
     first = bench.logger._present.run.id
     bench.logger.restart()
     bench.ticks(3)
@@ -56,8 +54,7 @@ def test_the_last_tick_of_a_run_that_a_restart_followed_is_logged(bench, client)
 
 
 def test_a_mark_of_the_program_comes_to_the_log_and_to_clients(bench, client, heard):
-    bench.logger.start()
-    bench.ticks(3)
+    bench.start(3)
     bench.logger.mark("push 3")
     bench.ticks(2)
     told = heard.wait(EventKind.MARKER)
@@ -67,8 +64,7 @@ def test_a_mark_of_the_program_comes_to_the_log_and_to_clients(bench, client, he
 
 
 def test_a_mark_of_a_client_that_a_kill_would_still_lose_is_told_to_be_one(bench, client):
-    bench.logger.start()
-    bench.ticks(3)
+    bench.start(3)
     logged(client, "started")
     folder = bench.logger.options.folder
     with event_log_path(folder, "bot").open() as file:
@@ -79,8 +75,7 @@ def test_a_mark_of_a_client_that_a_kill_would_still_lose_is_told_to_be_one(bench
 
 
 def test_marks_of_a_client_have_their_tick_and_author_and_events_are_asked_for_from_a_line_on(bench, client):
-    bench.logger.start()
-    bench.ticks(9)
+    bench.start(9)
     logged(client, "started")
     before = client.events()
     for text, tick in (("", None), ("  ", None), ("x", 9)):
@@ -103,8 +98,7 @@ def test_marks_of_a_client_have_their_tick_and_author_and_events_are_asked_for_f
 
 
 def test_saved_files_have_what_happened_and_each_mark_once(bench, client):
-    bench.logger.start()
-    bench.ticks(5)
+    bench.start(5)
     bench.logger.mark("push 3")
     logged(client, "marker")
     client.mark("slipped", tick=1)
@@ -129,8 +123,7 @@ def test_marks_of_a_run_that_is_over_at_once_are_not_lost(bench, client):
 
 
 def test_the_log_outlives_a_helper_that_was_killed_and_no_mark_comes_twice(bench, client):
-    bench.logger.start()
-    bench.ticks(3)
+    bench.start(3)
     bench.logger.mark("push 3")
     before = logged(client, "marker")
     wait_until(lambda: any(e.kind == "marker" for e in read_events(bench.logger.options.folder, "bot")))
@@ -151,8 +144,7 @@ def test_the_log_outlives_a_helper_that_was_killed_and_no_mark_comes_twice(bench
 
 
 def test_that_a_helper_process_died_is_told_by_the_next_one_each_time(bench, client):
-    bench.logger.start()
-    bench.ticks(3)
+    bench.start(3)
     for times in (1, 2):
         before_ns = time.time_ns()
         old = bench.serving.helper_pid
@@ -208,8 +200,7 @@ def test_a_log_in_a_folder_that_cannot_be_written_is_still_answered_from_memory(
     folder = tmp_path / "logs"
     event_log_path(folder, "bot").unlink(missing_ok=True)
     event_log_path(folder, "bot").mkdir(parents=True)
-    bench.logger.start()
-    bench.ticks(1)
+    bench.start(1)
     with pytest.raises(GoesOnError, match="the mark is noted"):
         client.mark("slipped")
     assert "slipped" in [event.text for event in client.events()]
@@ -221,8 +212,7 @@ def test_a_log_in_a_folder_that_cannot_be_written_is_still_answered_from_memory(
 
 def test_a_stop_right_before_the_end_is_told(bench) -> None:
     folder = bench.logger.options.folder
-    bench.logger.start()
-    bench.ticks(50)
+    bench.start(50)
     run = bench.logger._present.run.id
     bench.logger.stop()
     bench.logger.close(discard=True)

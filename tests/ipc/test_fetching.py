@@ -88,15 +88,6 @@ def test_a_recording_comes_whole_with_its_time_of_change(robot, here, kind):
     assert not list(here.glob("*.part"))
 
 
-def test_progress_goes_up_to_the_size_of_all_files(robot, here):
-    name = large(Path(robot.place))
-    told: list[tuple[int, int]] = []
-    robot.fetch(name, here, progress=lambda done, total: told.append((done, total)))
-    size = (Path(robot.place) / name).stat().st_size
-    assert told[-1] == (size, size)
-    assert [done for done, _ in told] == sorted(done for done, _ in told)
-
-
 def test_after_a_cut_it_goes_on_from_where_it_was(robot, here):
     name = large(Path(robot.place))
     robot.cut_after = 2

@@ -87,17 +87,6 @@ def test_who_connects_meanwhile_waits_for_the_next_helper_process(bench, monkeyp
             assert client.status().helper_pid != killed
 
 
-def test_the_row_is_gone_when_a_helper_is_there_again(bench, monkeypatch, runtime) -> None:
-    with monkeypatch.context() as broken:
-        broken.setattr(serving, "HelperProcess", no_process)
-        os.kill(bench.serving.helper_pid, signal.SIGKILL)
-        wait_until(lambda: discover().down)
-    wait_until(lambda: bench.serving.is_up and not down_marks())
-    assert discover().down == []
-    assert [found.name for found in discover().loggers] == ["bot"]
-    assert list(runtime.glob("*.down")) == []
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("moment", ["borrow", "root_at", "exchange"])
 def test_a_client_comes_to_the_next_helper_process_where_one_dies_while_it_connects(bench, monkeypatch, moment) -> None:

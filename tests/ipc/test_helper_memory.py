@@ -44,8 +44,7 @@ def further_arenas(pid: int) -> int:
 
 @glibc
 def test_the_threads_of_a_helper_take_their_memory_from_two_arenas(bench, client, until):
-    bench.logger.start()
-    bench.ticks(20)
+    bench.start(20)
     until(lambda: client.status().ticks >= 20)  # it hears of a start a moment later
     with client.view(["/log/x"], ["/log/x"], rate_hz=10) as view:
         client.wait_saved(client.save([FileType.SILO]))

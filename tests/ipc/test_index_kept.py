@@ -14,8 +14,7 @@ def listed(folder):
 def test_an_index_that_is_there_gets_what_is_saved_and_captured(bench, client, tmp_path):
     RunIndex(tmp_path).close()  # of a folder above
     bench.logger.trigger("high", "x > 50", pre="50ms", post="30ms")
-    bench.logger.start()
-    bench.ticks(100)
+    bench.start(100)
     wait_until(lambda: client.status().ticks == 100)  # the helper process has learned of the start
     client.save(["silo", "csv"])
     found = wait_until(lambda: len(there := listed(tmp_path)) == 2 and there)
@@ -23,8 +22,7 @@ def test_an_index_that_is_there_gets_what_is_saved_and_captured(bench, client, t
 
 
 def test_without_an_index_none_is_made(bench, client, tmp_path):
-    bench.logger.start()
-    bench.ticks(10)
+    bench.start(10)
     wait_until(lambda: client.status().ticks == 10)
     client.save(["silo"])
     bench.logger.close()
@@ -33,8 +31,7 @@ def test_without_an_index_none_is_made(bench, client, tmp_path):
 
 def test_what_is_saved_at_the_end_is_in_it(bench, tmp_path):
     RunIndex(tmp_path).close()
-    bench.logger.start()
-    bench.ticks(10)
+    bench.start(10)
     bench.logger.save("silo")
     bench.logger.close()
     wait_until(lambda: len(listed(tmp_path)) == 1)

@@ -13,7 +13,6 @@ import pytest
 
 import silo
 from silo.cli.main import run as silo_run
-from silo.client.client import Client
 from silo.conditions.state_file import read_state, store_state
 from silo.core.conditions import TriggerWord
 from silo.core.runtime import boot_id, list_held, pid_namespace, process_start
@@ -107,8 +106,7 @@ def test_cuts_while_there_was_no_helper_process_change_nothing_of_what_fires(ben
     bench.logger.trigger("level", "x >= 0", save=(), edge="level", holdoff="100s")
     bench.logger.trigger("turn", "x > 35", save=())
     bench.logger.limit("x", (None, None, 10.0, 2000.0))
-    bench.logger.start()
-    bench.ticks(30)
+    bench.start(30)
     assert judged(client, bench)["level"].fires == 1
     freeze(bench.serving.helper_pid)
     for place in range(3):
@@ -129,8 +127,7 @@ def test_cuts_while_there_was_no_helper_process_change_nothing_of_what_fires(ben
 
 def test_what_somebody_has_seen_stays_seen(bench, client):
     bench.logger.limit("x", (None, None, 10.0, 20.0))
-    bench.logger.start()
-    bench.ticks(30)
+    bench.start(30)
     wait_until(lambda: client.alarms().limits and client.alarms().limits[0].alarm)
     client.acknowledge(who="ann")
     kill_helper(bench)
@@ -140,8 +137,7 @@ def test_what_somebody_has_seen_stays_seen(bench, client):
 
 def test_a_capture_that_was_under_way_goes_on(bench, client, heard):
     bench.logger.trigger("high", "x > 50", pre="50ms", post="1s")
-    bench.logger.start()
-    bench.ticks(60)
+    bench.start(60)
     heard.wait(EventKind.TRIGGERED)
     kill_helper(bench)
     bench.ticks(100)
@@ -153,8 +149,7 @@ def test_a_capture_that_was_under_way_goes_on(bench, client, heard):
 
 def test_of_a_capture_under_way_that_the_rings_hold_no_more_there_is_a_file_that_says_so(bench, client, heard):
     bench.logger.trigger("high", "x > 50", pre="50ms", post="15s")
-    bench.logger.start()
-    bench.ticks(60)
+    bench.start(60)
     heard.wait(EventKind.TRIGGERED)
     kill = bench.serving.helper_pid
     freeze(kill)
@@ -187,8 +182,7 @@ def test_rows_that_the_rings_hold_no_more_are_told_to_be_blindness(bench, client
 
 def test_a_damaged_state_is_told_and_nothing_fires_anew(bench, client, heard):
     bench.logger.trigger("high", "x > 10")
-    bench.logger.start()
-    bench.ticks(50)
+    bench.start(50)
     heard.wait(EventKind.CAPTURED)
     pid = bench.serving.helper_pid
     freeze(pid)
@@ -201,21 +195,9 @@ def test_a_damaged_state_is_told_and_nothing_fires_anew(bench, client, heard):
     assert client.triggers().triggers[0].fires == 0
 
 
-def test_nothing_stays_of_a_logger_that_is_closed(bench, runtime):
-    bench.logger.trigger("high", "x > 10")
-    bench.logger.start()
-    bench.ticks(50)
-    with Client.connect("bot") as client:
-        wait_until(lambda: client.triggers().tick >= 50)
-    assert list(runtime.glob("*.judge"))
-    bench.logger.close()
-    wait_until(lambda: not list(runtime.glob("*.judge")))
-
-
 def test_a_helper_process_that_gives_way_leaves_what_is_under_way_to_the_next(bench, client, heard):
     bench.logger.trigger("high", "x > 50", pre="50ms", post="1s")
-    bench.logger.start()
-    bench.ticks(60)
+    bench.start(60)
     heard.wait(EventKind.TRIGGERED)
     pid = bench.serving.helper_pid
     Path(bench.serving.socket_path).unlink()  # nobody finds it any more: it ends, and the next one makes another
@@ -227,8 +209,7 @@ def test_a_helper_process_that_gives_way_leaves_what_is_under_way_to_the_next(be
 
 def test_a_capture_of_a_run_that_a_new_one_followed_is_written_by_the_next(bench, client, heard):
     bench.logger.trigger("high", "x > 50", pre="50ms", post="1s")
-    bench.logger.start()
-    bench.ticks(60)
+    bench.start(60)
     heard.wait(EventKind.TRIGGERED)
     pid = bench.serving.helper_pid
     freeze(pid)
@@ -264,8 +245,7 @@ def test_a_run_that_is_over_is_not_judged_anew_by_what_it_began_with(bench, clie
 
 def test_a_capture_of_a_run_whose_memory_is_gone_is_told_to_be_lost(bench, runtime):
     bench.logger.trigger("high", "x > 50", pre="50ms", post="1s")
-    bench.logger.start()
-    bench.ticks(60)
+    bench.start(60)
     wait_until(lambda: happened(bench, EventKind.TRIGGERED))
     run, pid = bench.logger._present.run.id, bench.serving.helper_pid
     freeze(pid)
@@ -286,8 +266,7 @@ def test_a_capture_of_a_run_whose_memory_is_gone_is_told_to_be_lost(bench, runti
 def down(bench, client):
     """A logger with a trigger whose helper process was killed, and that gets no other before `up` is called."""
     bench.logger.trigger("high", "q_x > 50", pre="30ms", post="30ms")
-    bench.logger.start()
-    bench.ticks(5)
+    bench.start(5)
     wait_until(lambda: client.triggers().tick >= 5)
     with pytest.MonkeyPatch.context() as broken:
         broken.setattr(serving, "HelperProcess", no_process)
@@ -362,8 +341,7 @@ def test_rows_of_such_a_run_that_are_gone_are_told_to_be_blindness(down):
 
 def test_a_state_of_a_program_in_another_container_is_nobody_s_to_take_or_remove(bench, client, runtime):
     bench.logger.trigger("high", "x > 50")
-    bench.logger.start()
-    bench.ticks(60)
+    bench.start(60)
     path = judge_path("bot", bench.logger._present.run.id)
     wait_until(path.exists)
     # of a program whose pid is ours there, and its helper process is frozen

@@ -12,8 +12,7 @@ LOOKING = TriggerOptions("scope", "x % 50 == 0", pre_s=0.05, post_s=0.05, save=(
 
 
 def test_it_fires_and_tells_which_ticks_it_captured_and_writes_nothing(bench, client):
-    bench.logger.start()
-    bench.ticks(10)
+    bench.start(10)
     assert client._set_trigger(LOOKING, lease_s=60) == "trigger 'scope' is held for 60 s"
     trigger(client, "scope", TriggerWord.ARMED)
     bench.ticks(92)
@@ -50,16 +49,14 @@ def test_it_is_in_no_script_and_not_in_the_logger_and_refused_where_it_can_not_b
 
 
 def test_it_goes_with_a_client_that_goes_away(bench, client):
-    bench.logger.start()
-    bench.ticks(10)
+    bench.start(10)
     with Client.connect("bot") as other:
         assert other._set_trigger(LOOKING, lease_s=0.5) == "trigger 'scope' is held for 0.5 s"
     wait_until(lambda: not client.triggers().triggers)
 
 
 def test_the_same_again_renews_it_and_it_goes_on_counting(bench, client):
-    bench.logger.start()
-    bench.ticks(10)
+    bench.start(10)
     client._set_trigger(LOOKING, lease_s=60)
     trigger(client, "scope", TriggerWord.ARMED)
     bench.ticks(60)
@@ -69,8 +66,7 @@ def test_the_same_again_renews_it_and_it_goes_on_counting(bench, client):
 
 
 def test_it_survives_a_new_start(bench, client):
-    bench.logger.start()
-    bench.ticks(10)
+    bench.start(10)
     client._set_trigger(LOOKING, lease_s=60)
     trigger(client, "scope", TriggerWord.ARMED)
     bench.logger.restart(unsaved="clear")
@@ -79,8 +75,7 @@ def test_it_survives_a_new_start(bench, client):
 
 
 def test_in_mode_auto_it_fires_by_itself_when_its_condition_does_not(bench, client):
-    bench.logger.start()
-    bench.ticks(10)
+    bench.start(10)
     client._set_trigger(TriggerOptions("scope", "x < 0", post_s=0.1, mode="auto", save=(), patience_s=0.2), lease_s=60)
     trigger(client, "scope", TriggerWord.ARMED)
     bench.ticks(100)
@@ -91,8 +86,7 @@ def test_in_mode_auto_it_fires_by_itself_when_its_condition_does_not(bench, clie
 
 
 def test_it_is_armed_forced_and_let_go_of_by_name(bench, client):
-    bench.logger.start()
-    bench.ticks(10)
+    bench.start(10)
     client._set_trigger(TriggerOptions("scope", "x > 20", mode="single", save=()), lease_s=60)
     trigger(client, "scope", TriggerWord.ARMED)
     bench.ticks(20)

@@ -61,8 +61,7 @@ def test_a_change_that_a_cut_swallowed_is_not_told_as_one_that_the_user_may_not_
 def test_what_happens_while_the_link_is_lost_is_told_once_when_it_is_back(bench, monkeypatch) -> None:
     told: list[Event] = []
     others: list[Event] = []
-    bench.logger.start()
-    bench.ticks(1)
+    bench.start(1)
     try_again = connection.Connection._try_again
     with Client.connect("bot") as client:
         client.on_event(told.append)

@@ -31,8 +31,7 @@ def test_an_id_that_an_older_client_made_proves_nothing(other) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["view", "stream"])
 def test_nobody_else_replaces_or_closes_a_view_or_a_stream(bench, client, kind) -> None:
-    bench.logger.start()
-    bench.ticks(5)
+    bench.start(5)
     with silo.connect("bot") as other:
         mine = client.view(["/log/x"], rate_hz=30) if kind == "view" else client.stream(["/log/x"])
         name = mine.request.view if kind == "view" else mine.request.stream
@@ -49,8 +48,7 @@ def test_nobody_else_replaces_or_closes_a_view_or_a_stream(bench, client, kind) 
 
 @pytest.mark.slow
 def test_nobody_else_replaces_renews_or_closes_a_pin(bench, client) -> None:
-    bench.logger.start()
-    bench.ticks(5)
+    bench.start(5)
     pin = client.pin(["/log/x"], 0, bench.now_ns)
     with silo.connect("bot") as other:
         for request in (
@@ -85,8 +83,7 @@ def test_what_a_client_says_of_itself_by_no_key_of_its_own_is_called_so() -> Non
 
 @pytest.mark.slow
 def test_nobody_else_asks_for_statistics_in_the_place_of_a_client_or_begins_them_anew(bench, client) -> None:
-    bench.logger.start()
-    bench.ticks(5)
+    bench.start(5)
     since_ns = wait_until(lambda: client._survey(["max"]).since_ns)
     bench.ticks(5)
     mine, name = client._surveyed, client._name
@@ -110,8 +107,7 @@ def test_quantities_that_are_asked_for_again_and_again_take_no_memory(client) ->
 
 @pytest.mark.slow
 def test_statistics_of_an_older_client_are_those_of_its_name(bench, client) -> None:
-    bench.logger.start()
-    bench.ticks(5)
+    bench.start(5)
     asked = GetSurvey(quantities=["max"])
     since_ns = wait_until(lambda: client._call(asked).since_ns)
     bench.ticks(5)
@@ -121,8 +117,7 @@ def test_statistics_of_an_older_client_are_those_of_its_name(bench, client) -> N
 
 @pytest.mark.slow
 def test_who_makes_up_ids_takes_not_all_of_what_there_is(bench, client) -> None:
-    bench.logger.start()
-    bench.ticks(5)
+    bench.start(5)
     for made_up, mine in (
         (lambda name: OpenView(view=name, values=["/log/x"]), lambda: client.view(["/log/x"])),
         (lambda name: OpenStream(stream=name, names=["/log/x"]), lambda: client.stream(["/log/x"])),

@@ -139,8 +139,7 @@ def test_a_spare_recorder_that_is_frozen_ends_with_its_helper_process(bench, cli
 
 def test_a_recorder_that_had_not_begun_when_its_helper_process_was_killed_touches_nothing(bench, client) -> None:
     bench.logger.set(buffer="looping", size=5000)
-    bench.logger.start()
-    bench.ticks(50)
+    bench.start(50)
     folder = Path(bench.logger.options.folder) / "walks"
     folder.mkdir(parents=True)
     pid = client.status().helper_pid

@@ -153,12 +153,6 @@ def test_why_is_kept_when_a_file_is_read(tmp_path):
     assert {row.why for row in listed(tmp_path).recordings} == {'trigger "fall": a\nb'}
 
 
-def test_a_log_of_ten_thousand_signals_is_understood(tmp_path):
-    write(recording(entries=10_000), tmp_path, "bot", ["silo"], why="saved by ann")
-    (row,) = listed(tmp_path).recordings
-    assert (row.why, row.span_s) == ("saved by ann", 5.0)
-
-
 def test_the_newest_come_first_and_the_others_are_counted(tmp_path):
     stems = [saved(tmp_path, name=f"walk{n}") for n in range(3)]
     for age, stem in enumerate(stems):
@@ -307,16 +301,6 @@ def test_a_piece_has_its_bounds(tmp_path, offset, count):
     (part,) = folder.parts(str(tmp_path), f"{stem}.silo").parts
     request = GetPiece(path=part.path, mark=part.mark, offset=offset, count=count)
     assert refusal(folder.piece, str(tmp_path), request) is RefusedWhy.INVALID
-
-
-def test_a_file_that_was_written_anew_meanwhile_is_told(tmp_path):
-    stem = saved(tmp_path)
-    folder = RecordingFolder()
-    (part,) = folder.parts(str(tmp_path), f"{stem}.silo").parts
-    data = (tmp_path / part.path).read_bytes()
-    (tmp_path / part.path).write_bytes(data + b"more")
-    request = GetPiece(path=part.path, mark=part.mark, offset=0, count=10)
-    assert refusal(folder.piece, str(tmp_path), request) is RefusedWhy.CONFLICT
 
 
 # -------------------------------------------------------------------------------------------------------- deleting

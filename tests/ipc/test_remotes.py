@@ -594,8 +594,7 @@ def test_watch_waits_for_a_way_that_is_not_there_yet(bench, mine, capsys, monkey
     path = config_of(mine / "desk.json5", f"tcp/127.0.0.1:{port}")
     server = mine / "server.json5"
     server.write_text(json.dumps({"listen": {"endpoints": [f"tcp/127.0.0.1:{port}"]}}))
-    bench.logger.start()
-    bench.ticks(5)
+    bench.start(5)
 
     def listen() -> None:  # while it waits, somebody begins to listen
         bench.serving.close()

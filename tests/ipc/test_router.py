@@ -190,11 +190,6 @@ def test_a_viewer_sees_how_robots_stand_and_who_is_not_let_in_is_told(site) -> N
         assert "sees no logger" in fleet.now().unreachable[site.config("robots")]
 
 
-def test_a_robot_asks_nobody(site) -> None:
-    with pytest.raises(ConnectionLostError, match="user 'robots' is let in, but sees no logger"):
-        discover(config=site.config("robots"))
-
-
 def test_a_robot_with_a_password_for_the_router_still_answers_its_own_users(site, monkeypatch) -> None:
     monkeypatch.setenv("SILO_RUNTIME_DIR", str(Path(site.serving.socket_path).parent))
     with Client.connect("walker", config="local") as client:

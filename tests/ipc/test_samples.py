@@ -78,19 +78,6 @@ def test_samples_in_small_replies_are_those_of_one(bench, client):
     assert (told == sorted(told), told[-1]) == (True, 1.0)
 
 
-@pytest.mark.parametrize(("kind", "first"), [(FIXED, 0), (LOOPING, 600 - 200)])
-def test_a_published_buffer_that_ends_or_is_short_goes_on_with_what_passes(bench, client, kind, first):
-    buffer(client, "/log/kept", 50, kind, silo.Action.SAVE_AND_PUBLISH)
-    client.start()
-    bench.ticks(600)
-    ticks = client.samples(["/log/kept"])["/log/kept"].ticks
-    assert ticks[-1] == 599
-    assert sorted(set(ticks.tolist())) == ticks.tolist()
-    assert ticks[0] <= first + 1
-    if kind is FIXED:
-        assert set(range(50)) <= set(ticks.tolist())
-
-
 def test_samples_of_two_runs_are_never_mixed(bench, client, monkeypatch):
     client.start()
     bench.ticks(600)
@@ -213,14 +200,3 @@ def test_a_pin_that_its_helper_process_does_not_know_is_not_asked_for_again_and_
     wait_until(lambda: "no more" in pin.refused)
     wait_until(lambda: pin not in client._leases._due_s)
     pin.close()
-
-
-def test_a_stream_is_read_by_the_words_with_which_it_was_opened(bench, client):
-    client.start()
-    with client.stream(["/log/kept", "/log/x"]) as stream:
-        bench.ticks(10)
-        taken(stream, "/log/x", 10)
-        client.restart("discard")
-        bench.ticks(10)
-        assert taken(stream, "/log/x", 10)[0] == list(range(10))
-        assert list(stream._opened) == [0]  # nothing about its frames has changed

@@ -1,14 +1,12 @@
 """Views, topics, history, saves: what comes out is what was logged."""
 
-import shutil
-
 import numpy as np
 import pytest
 
 import silo
 from silo.client.client import Client
-from silo.core.elements import BufferType, Edit, ElementOptions, FileType, State
-from silo.errors import RefusedError, SaveError
+from silo.core.elements import Edit, ElementOptions, FileType, State
+from silo.errors import RefusedError
 from silo.live.requests import OpenView, ViewOpened
 from silo.rpc.published import EventKind, NotLive
 from silo.rpc.refusals import Refused, RefusedWhy
@@ -283,15 +281,6 @@ def test_history_has_minimum_and_maximum_of_every_column(bench, client) -> None:
     assert refused.value.why is RefusedWhy.NOT_FOUND
 
 
-def test_history_of_a_full_fixed_buffer_goes_on_with_the_newest_samples(bench, client) -> None:
-    fixed = ElementOptions(action=silo.Action.SAVE_AND_PUBLISH, buffer=BufferType.FIXED, size=10)
-    client.apply([Edit("/log/x", fixed)], -1)
-    client.start()
-    bench.ticks(40)
-    found = client.history(["/log/x"], bench.begin_ns, bench.begin_ns + 4 * COLUMN_NS, COLUMN_NS)
-    assert (found.low[0, 0], found.high[0, -1]) == (1, 40)
-
-
 # ----------------------------------------------------------------------------------------------------------- saves
 
 
@@ -317,17 +306,6 @@ def test_restart_right_after_the_request_takes_nothing_from_a_save(bench, client
     client.restart("discard")
     (file,) = client.wait_saved(job, 30)
     np.testing.assert_array_equal(silo.open_log(file.path)["/log/x"].values, 1 + np.arange(100.0))
-
-
-def test_failed_save_says_why_and_the_data_stays(bench, client, tmp_path) -> None:
-    client.start()
-    bench.ticks(5)
-    shutil.rmtree(tmp_path / "logs", ignore_errors=True)  # with the event log
-    (tmp_path / "logs").write_text("in the way")
-    with pytest.raises(SaveError, match="logs"):
-        client.wait_saved(client.save(), 30)
-    (tmp_path / "logs").unlink()
-    assert client.wait_saved(client.save(), 30)
 
 
 def test_names_that_lead_elsewhere_are_refused(bench, client) -> None:

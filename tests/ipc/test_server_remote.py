@@ -56,11 +56,6 @@ def guarded(logger, tmp_path, port):
     return client_config
 
 
-def test_remote_logger_is_found_by_its_configuration(guarded) -> None:
-    (found,) = discover(config=guarded("viewer", "look")).loggers
-    assert (found.name, found.host) == ("far", socket.gethostname())
-
-
 def test_viewer_sees_values_but_may_not_edit(guarded, logger, until) -> None:
     logger.start()
     with Client.connect("far", config=guarded("viewer", "look")) as client:

@@ -47,14 +47,6 @@ def order(folder, *types):
     return WriteOrder(str(folder), "bot", list(types), "walk")
 
 
-@pytest.mark.parametrize("types", [[FileType.SILO], [FileType.CSV], [FileType.BAG, FileType.SILO]])
-def test_every_type_is_written_and_read_back(reader, tmp_path, types):
-    report = write_log(reader, order(tmp_path, *types), lambda _: None)
-    assert (report.error, report.ticks, [file.type for file in report.files]) == ("", 50, types)
-    for file in report.files:
-        assert list(silo.open_log(file.path)["/log/x"].values) == list(range(50))
-
-
 def test_a_segment_that_is_deleted_meanwhile_is_still_written(reader, tmp_path):
     reader.path.unlink()
     assert write_log(reader, order(tmp_path, FileType.CSV), lambda _: None).ticks == 50

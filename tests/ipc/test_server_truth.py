@@ -214,8 +214,7 @@ def test_a_store_asks_for_the_history_until_it_reaches_the_frames():
 
 
 def test_after_an_edit_a_frame_tells_the_sizes_of_the_recording_that_is_held(bench, client):
-    bench.logger.start()
-    bench.ticks(3)
+    bench.start(3)
     bench.logger.stop()
     bench.logger.set("x", size=50_000)
     with client.view(["/log/x", "/log/q"], []) as view:

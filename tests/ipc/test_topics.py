@@ -68,29 +68,6 @@ def test_topics_and_streams_have_each_sample_over_cuts(running, client):
         assert len(values) == len(set(values)) == values[-1] - values[0] + 1, (name, sorted(missing))
 
 
-def test_a_topic_has_each_sample_of_stretches_of_a_few_ticks(bench, client):
-    bench.logger.start()
-    topic, values = client.topic("x"), []
-
-    def has_read(value):
-        for batch in topic.read():
-            values.extend(batch.values.tolist())
-        return bool(values) and values[-1] >= value
-
-    def ticks_until_heard():
-        bench.ticks(1)
-        return has_read(0)
-
-    wait_until(ticks_until_heard)
-    for number in range(12):
-        bench.logger.set("slow", divider=2 + number % 3, cut=True)  # of one that is published, too
-        bench.ticks(3)
-    wait_until(lambda: has_read(bench.x.item()))
-    topic.close()
-    assert np.diff(values).tolist() == [1] * (len(values) - 1)
-    assert topic.missed == 0
-
-
 def test_topics_have_their_values_where_rings_and_places_in_them_change(bench, client):
     bench.logger.start()
     topics = {name: client.topic(name) for name in ("gait", "mixed", "slow")}
@@ -131,8 +108,7 @@ def test_topics_have_their_values_where_rings_and_places_in_them_change(bench, c
 def test_topics_and_streams_have_every_run_of_a_burst(bench, client):
     """Episodes of a fast simulation: the helper process sees but some of them as the present one."""
     client.derive("twice", "2 * x")
-    bench.logger.start()
-    bench.ticks(1)
+    bench.start(1)
     topic, stream, found = (
         client.topic("x"),
         client.stream(["x", "twice"], 0.2),
@@ -166,8 +142,7 @@ def test_topics_and_streams_have_every_run_of_a_burst(bench, client):
 
 
 def test_a_stream_has_every_run_of_a_burst_from_its_opening_on(bench, client):
-    bench.logger.start()
-    bench.ticks(1)
+    bench.start(1)
     wait_until(lambda: client.status().ticks)
     with client.stream(["x"], 0.2) as stream:
         for _ in range(20):
@@ -182,8 +157,7 @@ def test_a_stream_has_every_run_of_a_burst_from_its_opening_on(bench, client):
 @pytest.mark.parametrize("again", [False, True], ids=["first start", "start after a stop"])
 def test_a_topic_that_is_open_before_the_start_has_the_first_sample(bench, client, again):
     if again:
-        bench.logger.start()
-        bench.ticks(3)
+        bench.start(3)
         bench.logger.stop()
         wait_until(lambda: client.status().state is State.STOPPED)
     opened = [client.topic("x"), client.topic("slow")]
@@ -281,25 +255,11 @@ def test_a_topic_and_a_client_say_what_they_are(bench, client):
     assert "<td>bot." in client._repr_html_()
 
 
-def test_connect_is_a_client_of_that_name(bench):
-    with silo.connect("bot") as made:
-        assert made.status().logger == "bot"
-
-
-def test_saving_takes_words(bench, client):
-    bench.logger.start()
-    bench.ticks(3)
-    wait_until(lambda: client.status().ticks == 3)
-    files = client.wait_saved(client.save("csv"))
-    assert [file.type for file in files] == [silo.types.FileType.CSV]
-
-
 def test_views_show_the_right_rows_after_an_element_was_removed(bench, client):
     view = client.view(["/log/x", "/log/q", "/log/gait"], rate_hz=30)
     bench.logger.remove("q")
     bench.logger.array("late", action="both")
-    bench.logger.start()
-    bench.ticks(4)
+    bench.start(4)
 
     def newest():
         frame = view.frame()

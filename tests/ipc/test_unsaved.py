@@ -239,8 +239,7 @@ def test_a_large_request_waits_for_a_helper_process_that_gets_no_processor_for_a
 
 
 def test_what_the_helper_process_could_write_in_some_of_several_formats_is_saved(bench, client, tmp_path):
-    bench.logger.start()
-    bench.ticks(5)
+    bench.start(5)
     (tmp_path / "x.csv.json").mkdir()
     with pytest.raises(silo.SaveError, match=r"x\.csv.*; saved: .*x\.silo"):
         bench.logger.save(["silo", "csv"], name="x", folder=tmp_path)
@@ -252,8 +251,7 @@ def test_what_the_helper_process_could_write_in_some_of_several_formats_is_saved
 def test_what_a_save_of_a_client_writes_while_the_logger_is_closed_is_not_told_as_dropped(
     bench, client, heard, tmp_path, capsys
 ):
-    bench.logger.start()
-    bench.ticks(5)
+    bench.start(5)
 
     def save():
         with contextlib.suppress(ConnectionLostError):

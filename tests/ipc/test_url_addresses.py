@@ -134,8 +134,7 @@ class TestTopics:
         out, err = capsys.readouterr()
         assert "'/log/kept' is saved but not published, so nothing comes: " in err
         assert json.loads(out)["url"].endswith("/log/kept")
-        bench.logger.start()
-        bench.ticks(3)
+        bench.start(3)
         assert run(["watch", url, "--count", "1", "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["values"]["/log/x"] == 3
         assert run(["stop", url]) != 0  # its logger was not meant

@@ -410,8 +410,7 @@ def test_who_has_control_alone_changes_things_and_the_refusal_says_who_since_whe
 def test_marks_and_the_program_itself_need_no_control(bench) -> None:
     with Other("anna") as anna, Other("bob") as bob:
         anna.take_control()
-        bench.logger.start()
-        bench.ticks(1)
+        bench.start(1)
         assert bob.mark("slipped").text == "slipped"
         bench.logger.stop()
 

@@ -18,7 +18,7 @@ from silo.recorder.orders import Finish, Follow, RecordOrder, encode
 from silo.recorder.process import RecorderHandover, RecorderProcess, Spare
 from silo.recorder.recorder import Recorder
 from silo.recorder.ring_cursor import Drained, RingCursor
-from silo.recovery.parts import close_parts, left_parts
+from silo.recovery.parts import close_parts
 from tests.waiting import freeze, wait_until
 from tests.whole_bags import read_bag
 
@@ -128,29 +128,6 @@ def test_a_stopped_logger_leaves_a_finished_part_and_its_next_run_is_recorded(
     assert truth.span(read_bag(parts(tmp_path)[1]), 50) == (0, 30)
 
 
-def test_killed_recorder_loses_nothing_when_another_goes_on(robot, recorders, tmp_path, truth) -> None:
-    robot.start()
-    recorder = begin(robot, recorders, tmp_path)
-    robot.ticks(300)
-    wait_until(lambda: holds_rows(tmp_path))
-    robot.ticks(37)
-    recorder.kill()
-    robot.ticks(100)
-    again = recorders(order(tmp_path, resume=True))
-    again.follow(robot.log)
-    again.wait_recording()
-    robot.ticks(100)
-    report = again.finish()
-    spans = [truth.span(read_bag(path)) for path in parts(tmp_path)]
-    assert spans[0][0] == 0
-    assert spans[0][1] == spans[1][0]
-    assert spans[1][1] == robot.tick
-    assert report.lost == 0
-    assert any("closed, as its recorder was killed" in one.told for one in again.reports)
-    for path in parts(tmp_path):
-        truth.by_others(path)
-
-
 def test_a_recorder_goes_on_before_what_a_killed_one_left_is_closed(
     robot, recorders, tmp_path, truth, monkeypatch
 ) -> None:
@@ -209,23 +186,6 @@ def test_what_is_logged_between_the_last_look_and_the_end_is_left_to_the_next_on
     assert again.finish().lost == 0
     spans = [truth.span(read_bag(path)) for path in parts(tmp_path)]
     assert spans == [(0, 50), (50, 52)]
-
-
-def test_a_part_that_a_kill_left_is_read_as_it_is_and_closed_by_hand(robot, recorders, tmp_path, truth) -> None:
-    robot.start()
-    recorder = begin(robot, recorders, tmp_path)
-    robot.ticks(500)
-    wait_until(lambda: holds_rows(tmp_path))
-    recorder.kill()
-    (path,) = left_parts(tmp_path / "rec")
-    found = read_bag(path)
-    span = truth.span(found)
-    assert "not finished" in found.warnings[0]
-    closed, problems = close_parts(tmp_path / "rec")
-    assert problems == []
-    assert truth.span(read_bag(closed[0].path)) == span
-    assert read_bag(closed[0].path).warnings == ()
-    assert sum(truth.by_others(closed[0].path).values()) == closed[0].samples
 
 
 def test_without_the_one_who_started_it_a_recorder_finishes_and_ends(robot, recorders, tmp_path, truth) -> None:
