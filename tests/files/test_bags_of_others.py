@@ -1,6 +1,7 @@
 """Bags that silo did not write, made here by `rosbags` and `mcap`: signals with the stamps of their own topics."""
 
 import functools
+import json
 import sqlite3
 import warnings
 
@@ -378,6 +379,27 @@ class TestOtherFiles:
         assert "2 topics left out: /state (their_msgs/msg/Thing: its definition is not in the bag), /camera" in text
         assert "imu/angular_velocity" in log
         assert "state/on" not in log
+
+    def test_numbers_and_texts_of_json_are_signals(self, tmp_path):
+        path = tmp_path / "bag.mcap"
+        with path.open("wb") as file:
+            writer = McapWriter(file)
+            writer.start()
+            schema = writer.register_schema("Pose", "jsonschema", b'{"type": "object"}')
+            topic = writer.register_channel("/pose", "json", schema)
+            for number in range(5):
+                message = {"at": {"x": number, "y": 0.5}, "mode": "go", "ok": True, "legs": [number, 1], "list": [{}]}
+                if number == 3:
+                    del message["at"]["y"]
+                writer.add_message(topic, START + number, json.dumps(message).encode(), START + number)
+            writer.finish()
+        log = opened(path)
+        assert log["/pose/at/x"].values.tolist() == [0, 1, 2, 3, 4]
+        np.testing.assert_array_equal(log["pose/at/y"].values, [0.5, 0.5, 0.5, np.nan, 0.5])
+        assert log["pose/mode"].values.tolist() == ["go"] * 5
+        assert log["pose/ok"].values.tolist() == [True] * 5
+        assert log["pose/legs"].values.tolist() == [[number, 1] for number in range(5)]
+        assert "/pose/list" in log.warnings[0]
 
     def test_an_empty_file_is_told(self, tmp_path):
         path = tmp_path / "bag.mcap"

@@ -94,6 +94,10 @@ def test_the_turns_of_a_log_go_as_those_of_its_signals(new_logger):
     assert made.values.tolist() == opened["turn"].resample(25.0, "linear").values.tolist()
 
 
+def test_a_log_at_the_times_of_a_signal(log):
+    assert log.resample(log["slow"])["x"].time_ns.tolist() == log["slow"].time_ns.tolist()
+
+
 def test_a_log_is_not_saved_over_another_unless_asked(log, tmp_path):
     path = log.save(tmp_path / "x.silo")
     with pytest.raises(silo.SaveError, match="exists already; write overwrite=True"):

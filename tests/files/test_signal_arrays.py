@@ -194,6 +194,11 @@ def test_tables_have_the_words_of_an_enumeration_that_is_a_field(log):
     assert log.to_polars()["/log/state_leg_gait"].cast(str).to_list()[9:11] == ["STAND", "TROT"]
 
 
+def test_signals_can_be_keys(log):
+    x = log["x"]
+    assert {x: 1}[x] == 1
+
+
 @pytest.mark.parametrize(
     ("function", "unit"),
     [

@@ -263,6 +263,15 @@ def test_an_element_that_was_not_due_yet_has_no_samples(new_logger):
     assert logger.read_new_values("x").values.shape == (0, 3)
 
 
+def test_rows_may_be_read_a_few_at_a_time(new_logger):
+    logger = new_logger()
+    logger.array("x")
+    logger.start()
+    collect(logger, 10)
+    reader = reader_of(logger)
+    assert reader.rows(1, 2, limit=3).ticks.tolist() == [2, 3, 4]
+
+
 @pytest.mark.parametrize("kind", [BufferType.FIXED, BufferType.GROWING])
 def test_every_sample_of_a_published_element_passes_its_live_ring(new_logger, kind):
     logger = new_logger(max_time=0)
