@@ -353,6 +353,9 @@ def _refused(final: Path, error: OSError, left: str = "nothing was left under th
 
 def _free(folder: Path) -> str:
     with suppress(OSError):
+        found = os.statvfs(folder)
+        if found.f_files and not found.f_favail:  # there is room, and no inode
+            return f"the disk of '{folder}' can hold no more files, whatever their size: "
         return f"{size_text(disk_room(folder)[0])} are free in '{folder}': "
     return ""
 

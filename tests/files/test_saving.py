@@ -5,6 +5,7 @@ import os
 import threading
 from datetime import datetime
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -122,10 +123,14 @@ def fail_writing(monkeypatch, error):
     monkeypatch.setattr(writer, "write_all", refuse)
 
 
-def test_a_full_disk_is_told_and_leaves_nothing(recording, tmp_path, monkeypatch):
+@pytest.mark.parametrize(("inodes", "told"), [(5, "B are free in .*:"), (0, "can hold no more files, .*:")])
+def test_a_full_disk_is_told_and_leaves_nothing(recording, tmp_path, monkeypatch, inodes, told):
     fail_writing(monkeypatch, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+    monkeypatch.setattr(
+        os, "statvfs", lambda _: SimpleNamespace(f_bavail=9, f_frsize=1, f_blocks=9, f_files=9, f_favail=inodes)
+    )
     with pytest.raises(
-        SaveError, match=r"x\.silo': No space left on device; .* make room or choose another folder; nothing was left"
+        SaveError, match=rf"x\.silo': No space left on device; .*{told} make room or choose another folder; nothing was"
     ):
         writer.write_silo(recording, tmp_path / "x.silo")
     assert names(tmp_path) == []
