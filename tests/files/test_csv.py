@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import silo
+from silo.core.arguments import shown
 from silo.core.elements import BufferType
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.csv import writer
@@ -294,12 +295,14 @@ def test_a_column_without_a_name_is_called_by_its_number(tmp_path):
         ("a_ms", "12", " in milliseconds"),
         ("h", "12", " in seconds"),
         ("a", "2026", " in"),
+        ("x" * 70 + "y" * 5000, "12", " in seconds"),
     ],
 )
 def test_a_first_column_that_is_not_called_like_a_time_is_told(tmp_path, name, cells, unit):
     (tmp_path / "x.csv").write_text(f"{name},b\n{cells[0]},1\n{cells[1]},2\n")
     (told,) = read_csv(tmp_path / "x.csv").warnings
-    assert told.startswith(f"its first column, '{name}', is taken as the time{unit}")
+    assert told.startswith(f"its first column, {shown(name)}, is taken as the time{unit}")
+    assert len(told) < 300
 
 
 @pytest.mark.parametrize("cells", [["", "NaN"], ['""', "NaT"], [" ", "null"]])
@@ -355,9 +358,10 @@ def test_what_is_no_table_is_an_error_that_names_the_file(tmp_path):
     (tmp_path / "x.csv").write_text("a,b\nx,1\n")
     with pytest.raises(FileFormatError, match=r"x\.csv.*first column \('a'\) holds no time"):
         read_csv(tmp_path / "x.csv")
-    (tmp_path / "x.csv").write_text("")
-    with pytest.raises(FileFormatError, match="it is empty"):
-        read_csv(tmp_path / "x.csv")
+    for text, told in (("", "it is empty"), ("\0" * 5000, "of value 0 alone"), ("\0\0\n1,2\n", "of value 0 alone")):
+        (tmp_path / "x.csv").write_text(text)
+        with pytest.raises(FileFormatError, match=told):
+            read_csv(tmp_path / "x.csv")
     with pytest.raises(LogNotFoundError, match="no file"):
         read_csv(tmp_path / "none.csv")
 

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.arguments import shown
 from silo.core.elements import BufferType, Entry
 from silo.core.kinds import regroup
 from silo.core.recording import RecordedElement, Recording, lazy_entry
@@ -101,6 +102,8 @@ def _parsed(text: NDArray[np.uint8], path: Path) -> Recording:
     head, begin = first_record(text, begin)
     if not head:
         raise FileFormatError("it is empty")
+    if not any(cell.strip(b"\0") for cell in head):
+        raise FileFormatError("it begins with bytes of value 0 alone: what was written is gone, as after a power cut")
     if len(head) == 1 and (sign := next((one for one in b";\t|" if one in head[0]), None)):
         raise FileFormatError(
             f"its columns are set apart by {chr(sign)!r}, not by ',': export it with commas, or write it anew: "
@@ -195,7 +198,7 @@ def _from_columns(
         warnings.append(f"its last column, '{TIME_NS}', is not '{names[0]}' in nanoseconds: it is left out")
     if not _LIKE_TIME.search(names[0]):
         warnings.append(
-            f"its first column, '{names[0]}', is taken as the time{unit}: a table of signals "
+            f"its first column, {shown(names[0])}, is taken as the time{unit}: a table of signals "
             "needs one before them, called time, time_ms or time_ns"
         )
     return names[1:end], columns[1:end], time_ns
@@ -294,7 +297,9 @@ def _time(name: str, cells: Words) -> tuple[NDArray[np.int64], str]:
     with contextlib.suppress(ValueError):
         if len(others) == len(texts):  # else a number would be a year
             return np.array([_in_utc(decode_text(text)) for text in texts], "M8[ns]").view(np.int64), ""
-    raise FileFormatError(f"its first column ('{name}') holds no time in {unit.name}: '{decode_text(others[0])[:40]}'")
+    raise FileFormatError(
+        f"its first column ({shown(name)}) holds no time in {unit.name}: '{decode_text(others[0])[:40]}'"
+    )
 
 
 def _too_far(name: str, text: bytes, unit: _Unit) -> FileFormatError:
@@ -381,7 +386,7 @@ def _why_texts(cells: Words) -> str:
     if numbers * 2 < len(cells):
         return ""
     odd = cells[first[~is_number].min()]
-    return f"{len(cells) - numbers:,} of {len(cells):,} cells are no numbers, the first is '{_text(odd)}'"
+    return f"{len(cells) - numbers:,} of {len(cells):,} cells are no numbers, the first is {shown(_text(odd))}"
 
 
 def _stepping(places: NDArray[np.intp], rows: int) -> tuple[int, int, int]:
