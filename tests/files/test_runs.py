@@ -777,6 +777,16 @@ def test_a_file_that_is_cut_off_lost_what_it_lacks(tmp_path, ending):
     assert f"lost {count(run.facts.lost)}" in shell("info", path).stdout
 
 
+def test_a_part_that_is_missing_in_the_middle_counts_as_lost(cut):
+    (lost,) = cut.glob("*_part2.silo")
+    lost.unlink()
+    (run,) = silo.runs(cut)
+    assert (run.facts.ticks, run.facts.lost, run.facts.warnings) == (40, 40, 1)
+    assert not silo.runs(cut, where="lost == 0")
+    with pytest.warns(silo.LogWarning, match="part 2 of this run"):
+        assert len(run.open().warnings) == 1
+
+
 def test_of_a_part_that_is_missing_as_many_samples_are_lost_as_dividers_let_come(tmp_path):
     clock = itertools.count(1_700_000_000_000_000_000, 10_000_000).__next__
     log = silo.Logger("anymal", frequency=100, folder=tmp_path, script=tmp_path / "none.yaml", clock=clock)
