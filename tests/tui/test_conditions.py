@@ -416,8 +416,10 @@ class TestScreens:
         self, screen, ran_s=20
     ):
         await screen.enter(":goto LF/HAA/torque")
-        await screen.do("monitor", shows="live")
-        await screen.do(*["cursor_left"] * 4, "plot_trigger", shows="New trigger")
+        await screen.do("monitor")
+        await screen.shows("live")
+        await screen.do(*["cursor_left"] * 4, "plot_trigger")
+        await screen.shows("New trigger")
         await screen.shows("PAUSED")  # as what is found: the cursor's moment would move on
         line = next(line for line in screen.text.splitlines() if "when" in line)
         level = float(re.search(r"torque > (\S+)", line)[1])
@@ -425,9 +427,12 @@ class TestScreens:
         shown = (await plots.readings_here())["/log/legs/LF/HAA/torque"].newest[0]
         assert level == pytest.approx(shown, rel=1e-4)
         await screen.press("escape")
-        await screen.do("pause", shows="live")
-        await screen.press("f", "x", *"<2", "enter", shows="crossing of 2 falling")
-        await screen.do("plot_trigger", shows="legs/LF/HAA/torque < 2 ")
+        await screen.do("pause")
+        await screen.shows("live")
+        await screen.press("f", *"<2", "enter")
+        await screen.shows("falls below 2, ")
+        await screen.do("plot_trigger")
+        await screen.shows("legs/LF/HAA/torque < 2 ")
         await screen.press("escape")
         await screen.do("cursor_left", "cursor_left", "plot_trigger")  # elsewhere it is that of the cursor
         await screen.shows("New trigger")
