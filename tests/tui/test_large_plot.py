@@ -309,6 +309,16 @@ async def test_each_way_of_drawing_is_there_at_once_from_the_plots_also_from_a_p
             await screen.until(lambda: screen.app.screen is plots, "the plots")
 
 
+async def test_a_spectrum_without_a_peak_tells_its_highest_line_and_how_others_are_read(screen, monkeypatch, ran_s=20):
+    monkeypatch.setattr("silo_tui.screens.plots.detail.peaks_of", lambda *_: [])
+    await open_large(screen)
+    screen.app.screen.action_command("mode_spectrum")
+    await screen.shows("no peak stands out")
+    line = int(large(screen)._found.spectrum.amplitudes.argmax()) + 1
+    await screen.shows(f"highest {line * large(screen)._found.spectrum.step_hz:.1f} ")
+    await screen.do("next_found", shows="no peak stands out; ←→ read any frequency")
+
+
 @pytest.mark.parametrize("mode", ["mode_spectrum", "mode_histogram"])
 async def test_what_is_computed_goes_on_with_the_robot_until_it_is_held(fake, opened, monkeypatch, mode):
     monkeypatch.setattr("silo_tui.screens.plots.detail.LIVE_S", 0.05)

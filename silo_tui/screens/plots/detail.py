@@ -261,10 +261,12 @@ class DetailScreen(MonitorScreen):
             for number, peak in enumerate(peaks, 1)
         ]
         whose = self._letter(self.plots.index(plots[0]))  # nothing where it is the only one
-        notes = [f"{whose}peak {words[0]}", *words[1:]] if words else [f"{whose}no peak stands out"]
+        line = int(spectra[0].amplitudes.argmax())
+        highest = Peak((line + 1) * step, float(spectra[0].amplitudes[line]))  # of a drift too, which is no peak
+        top = f"{_hz_words(highest, step)} Hz  {big_plot.level_words(highest.amplitude, self.level, unit)}"
+        notes = [f"{whose}peak {words[0]}", *words[1:]] if words else [f"{whose}no peak stands out", f"highest {top}"]
         rate = 1 / first.period_s
         finer = f", finer of more seconds: {key_of('mode_time') or key_of('mode')}, {key_of('wider')}"
-        highest = Peak((int(spectra[0].amplitudes.argmax()) + 1) * step, 0.0)  # of a drift too, which is no peak
         blurred = any(_is_blurred(peak, step) for peak in (highest, *peaks))
         notes.append(f"resolution {text.compact(step)} Hz{finer if blurred else ''}")
         notes.append(f"{duration(first.seconds)} of {text.short(rate)} Hz, jitter {text.span(first.jitter_s, 2)}")
@@ -406,7 +408,8 @@ class DetailScreen(MonitorScreen):
 
     def _go_to_peak(self, step: int) -> None:
         if not self._found.peaks:
-            self.say("no peaks" if self.mode == "spectrum" else "peaks are in spectra: Tab leads there")
+            ways = f"{key_of('cursor_left')} read any frequency"
+            self.say(f"no peak stands out; {ways}" if self.mode == "spectrum" else "peaks are in spectra: Tab leads there")
             return
         before = self._peak if self._peak is not None else (-1 if step > 0 else len(self._found.peaks))
         self._peak = (before + step) % len(self._found.peaks)
