@@ -409,7 +409,9 @@ class DetailScreen(MonitorScreen):
     def _go_to_peak(self, step: int) -> None:
         if not self._found.peaks:
             ways = f"{key_of('cursor_left')} read any frequency"
-            self.say(f"no peak stands out; {ways}" if self.mode == "spectrum" else "peaks are in spectra: Tab leads there")
+            self.say(
+                f"no peak stands out; {ways}" if self.mode == "spectrum" else "peaks are in spectra: Tab leads there"
+            )
             return
         before = self._peak if self._peak is not None else (-1 if step > 0 else len(self._found.peaks))
         self._peak = (before + step) % len(self._found.peaks)
