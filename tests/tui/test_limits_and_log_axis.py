@@ -144,14 +144,12 @@ class TestScreens:
             await screen.until(lambda: TORQUE in screen.session.bounds)
             await screen.enter("/LF/HAA/torque", "m")
             await screen.curves()
-        await screen.press("f", "o", "enter")
-        await screen.shows("outside limits, 3 of 3: 40")
+            await screen.press("f", "o", "enter", shows="outside limits, 3 of 3: 40")
 
-    async def test_without_limits_that_is_said(self, fake, opened):
+    async def test_without_limits_that_is_said(self, screen, ran_s=61):
         await screen.enter("/LF/HAA/torque", "m")
         await screen.curves()
-        await screen.press("f", "o", "enter")
-        await screen.shows("none, no limits are set on these signals")
+        await screen.press("f", "o", "enter", shows="none, no limits are set on these signals")
 
     async def test_y_makes_powers_of_ten_of_any_plot_and_goes_back(self, screen, ran_s=61):
         await screen.enter("/LF/HAA/torque", "m")
