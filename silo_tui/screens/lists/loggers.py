@@ -23,6 +23,7 @@ from silo_tui.model.lists import fleet
 from silo_tui.model.lists.fleet import FoundLogger
 from silo_tui.screens.lists.list_screen import ListScreen
 from silo_tui.theme import bold
+from silo_tui.widgets.messages import ListLine
 
 WAITING = """No logger is running for this user on this computer; looking again every second.
 
@@ -48,6 +49,7 @@ class LoggersScreen(ListScreen[FoundLogger]):
 
     scope = "loggers"
     orders = fleet.ORDERS
+    _notes = "Looking for loggers …"
 
     def __init__(
         self,
@@ -61,7 +63,6 @@ class LoggersScreen(ListScreen[FoundLogger]):
         self.found: tuple[FoundLogger, ...] = ()
         self._all: list[FoundLogger] = []
         self.answers: dict[str, str] = {}  # by key, of the last command for many
-        self._notes = "Looking for loggers …"
         self._starting = False
 
     def above(self) -> ComposeResult:
@@ -164,7 +165,7 @@ class LoggersScreen(ListScreen[FoundLogger]):
         short = Summary.of(session.status).reason if session is not None else ""
         words = words.replace(short, session.status.reason) if session is not None and short else words
         above = " ".join(self._notes.split())  # nothing is told twice
-        between = self.message.BETWEEN
+        between = ListLine.BETWEEN
         return between.join(part for part in words.split(between) if part not in above)
 
     def named(self, key: str) -> str:
