@@ -14,7 +14,7 @@ from silo.core.arrays.spans import Span, doubled, merged, spans_text, without
 from silo.core.elements import DAMAGED, Action, BufferType, LoggedEvent
 from silo.core.quantities.writing import and_more, count, many
 from silo.core.recording import Recording
-from silo.core.runtime import list_segments, read_own
+from silo.core.runtime import SEGMENT_SUFFIX, read_own
 from silo.errors import LogNotFoundError, SegmentError, SiloError
 from silo.files.bag_reader import damage_of_bag
 from silo.files.csv.reader import damage_of_csv
@@ -29,6 +29,7 @@ from silo.files.parts.scan import CUT_SHORT, PartScan, scan_part
 from silo.files.silo.reader import damage_of
 from silo.recorder.orders import CLOSED
 from silo.rpc.published import EventKind
+from silo.segment.held_runs import all_runs
 from silo.segment.layout import ElementSchema, RingSchema
 from silo.segment.reader import SegmentReader
 from silo.verify.gone import captures_that_lack, parts_that_lack, saves, saves_that_lack
@@ -197,14 +198,14 @@ class _Folder:
                     run.hold(name, tick, last, one.divider)
 
     def _take_memory(self) -> None:
-        for path in list_segments(self.folder):
-            with contextlib.suppress(SegmentError), contextlib.closing(SegmentReader(path)) as reader:
+        for reader in all_runs(folder=self.folder):
+            with contextlib.suppress(SegmentError), contextlib.closing(reader):
                 if Path(reader.schema.folder).resolve() != self.folder.resolve():
                     continue
                 run = self.run_of(reader.schema.logger, reader.schema.run, reader.schema.started_ns)
                 run.ticks = max(run.ticks, reader.ticks)
-                run.ended |= not reader.alive()
-                if reader.ticks:
+                run.ended |= reader.path.suffix != SEGMENT_SUFFIX or not reader.alive()
+                if reader.ticks and not reader.dropped:
                     last = reader.ticks - 1
                     run.memory.append((max(0, reader.rows(0, 0, 1).first), last))
                     there = [(element, *_oldest(reader, element.ring)) for element in _kept_elements(reader)]

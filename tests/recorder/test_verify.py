@@ -21,6 +21,7 @@ from silo.files.manifest import CaptureEntry, CaptureList, read_captures
 from silo.files.mcap.chunks import records
 from silo.files.mcap.writer import MAGIC
 from silo.recorder.orders import RecordOrder
+from silo.segment.held_runs import hold, make_stub
 from silo.segment.reader import SegmentReader
 from silo.verify.folder import verify
 from silo.verify.gone import captures_that_lack
@@ -98,6 +99,22 @@ def test_ticks_that_were_collected_after_the_last_part_are_missing(kept, capsys)
     assert run(["verify", "--json", str(kept.folder)]) == 4
     (problem,) = json.loads(capsys.readouterr().out)["problems"]
     assert "40 ticks (300-339) of run" in problem["text"]
+
+
+@pytest.mark.parametrize("rows", [True, False])
+def test_what_is_held_of_a_run_until_its_recorder_has_it_is_not_missing(kept, rows):
+    direct = kept.begin()
+    kept.robot.ticks(300)
+    direct.step()
+    direct.finish()
+    kept.robot.ticks(40)
+    held = hold(Path(kept.robot.log._present.path))
+    kept.robot.log.close()
+    if not rows:
+        make_stub(held)
+    kept.happens("stopped", "stopped", 339)
+    assert kept.found() == [[] if rows else [("missing", ((300, 339),))], []]
+    assert counted(kept.folder)[0] == [(340, 300, 0, 0, 340 if rows else 0)]
 
 
 LAST_40, DISAGREES = ("missing", ((300, 339),)), ("disagrees", ())
