@@ -490,25 +490,19 @@ def _absent(
 ) -> tuple[tuple[int, int, Gap], ...]:
     """What `RecordedElement.absent` is of an element of several parts."""
     its = {id(piece): one for piece, one in found}
-    absent: list[tuple[int, int, Gap]] = []
-
-    def stamp(place: int) -> int:
-        return int(time_ns[place]) if place < len(time_ns) else int(time_ns[-1]) + 1
-
-    for number, piece in enumerate(pieces if len(time_ns) else ()):
-        one, first = its.get(id(piece)), _first(piece.part)
-        stop = pieces[number + 1].place if number + 1 < len(pieces) else len(time_ns)
+    spans: list[tuple[int, int, Gap]] = []
+    for piece, stop in zip(pieces, [*(piece.place for piece in pieces[1:]), len(time_ns)], strict=True):
+        one = its.get(id(piece))
         if one is None:
-            absent.append((stamp(piece.place), stamp(stop), Gap.OFF))
+            spans.append((piece.place, stop, Gap.OFF))
         elif piece.stretch.recorder:
             continue
         elif one.buffer_type is not BufferType.LOOPING:
-            end = piece.place + one.first + one.count * one.divider
-            absent += [(stamp(end), stamp(stop), Gap.LOST if one.lost else Gap.FULL)] * (end < stop)
-        elif one.count and first + one.first >= one.divider:
-            since = int(time_ns[piece.place - 1]) + 1 if piece.place else int(time_ns[0])
-            absent.append((since, stamp(piece.place + one.first), Gap.OVERWRITTEN))
-    return tuple(absent)
+            spans.append((piece.place + one.first + one.count * one.divider, stop, Gap.LOST if one.lost else Gap.FULL))
+        elif one.count and _first(piece.part) + one.first >= one.divider:
+            spans.append((max(0, piece.place - 1), piece.place + one.first, Gap.OVERWRITTEN))
+    last = len(time_ns) - 1
+    return tuple((int(time_ns[low]), int(time_ns[min(high, last)]), why) for low, high, why in spans if low < high)
 
 
 def _holds(first: int, divider: int, count: int, ends: Sequence[int]) -> list[tuple[int, int]]:
