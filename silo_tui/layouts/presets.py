@@ -73,6 +73,7 @@ def near_limit(limits: Sequence[LimitStatus]) -> tuple[str, str]:
     if not found:
         return "", f"none {of} is within a tenth of one"
     pattern = "|".join(f"{re.escape(name)}$" for name in found)
-    unseen = f", {len(found) - len(now)} by an alarm that nobody has seen" if len(found) > len(now) else ""
-    words = f"{len(found)} {of} {'is' if len(found) == 1 else 'are'} within a tenth of one, or beyond{unseen}"
+    was = len(found) - len(now)
+    unseen = f"; {was} {'was' if was == 1 else 'were'} beyond, which nobody has seen" if was else ""
+    words = f"{len(now) or 'none'} {of} {'is' if len(now) < 2 else 'are'} within a tenth of one, or beyond{unseen}"
     return f"~{pattern}", words

@@ -35,7 +35,8 @@ async def test_keys_typed_fast_go_where_a_choice_leads_and_leave_the_table_where
 
 async def test_keys_typed_fast_into_the_find_menu_leave_the_plots_where_they_are(screen, ran_s=12):
     for keys in ("f h h", "f r o z e n", "f asterisk h l", "f escape escape j"):
-        await screen.do("go_home", "monitor", at="monitor")
+        await screen.enter(":home", at="table")
+        await screen.do("monitor", at="monitor")
         burst(screen, keys)
         await screen.carried_out()
         assert any(isinstance(each, TableScreen) for each in screen.app.screen_stack), keys

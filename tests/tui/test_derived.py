@@ -21,7 +21,7 @@ from silo_tui.model.table.cells import sign_of
 from silo_tui.model.table.facts import LIMIT_BITS, Facts
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.state import TableState
-from silo_tui.screens.dialogs import derive, find, limits, recorder, trigger_editor
+from silo_tui.screens.dialogs import derive, limits, recorder, trigger_editor
 from silo_tui.screens.dialogs.form import hints_with, named_whole, names_in
 
 POWER = Derived("/log/power", "2 * imu/acceleration", "W")
@@ -262,9 +262,7 @@ async def test_what_is_typed_as_a_whole_is_done_and_what_is_not_is_asked_for(scr
     await screen.press("colon", *"derive cold", "enter", shows="Derive a signal on robot")
 
 
-@pytest.mark.parametrize(
-    ("hints", "field"), [(trigger_editor.HINTS, "when"), (find.HINTS, "when"), (derive.HINTS, "is")]
-)
+@pytest.mark.parametrize(("hints", "field"), [(trigger_editor.HINTS, "when"), (derive.HINTS, "is")])
 def test_the_example_of_an_expression_is_understood(table, hints, field):
     example = hints_with(hints, table)[field].removeprefix("e.g. ")
     bound = bind(example, table_catalogue(table.elements[: table.own], table.prefix, derived.present(table)))

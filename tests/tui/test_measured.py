@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from silo.conditions.standing import LimitStatus, LimitWord
-from silo.core.elements import ElementInfo, ElementOptions, Entry
+from silo.core.elements import ElementInfo, ElementOptions, Entry, Table
 from silo.core.quantities.writing import wall_clock
 from silo.live.quantities import FROZEN, NOT_FINITE, SLOW
-from silo_tui.model.table.state import against_siblings
+from silo_tui.model.table.state import TableState, against_siblings
 from silo_tui.screens import table
 from silo_tui.sessions.live import LiveSource
 from silo_tui.terminal.thinness import STEPS
@@ -565,5 +565,9 @@ def test_noise_compares_what_has_different_units_by_the_median_of_siblings():
     assert np.isnan(found[7])
     assert np.nanargmax(found) == 2, "one torque is louder than its siblings"
     assert against_siblings(np.zeros(0), np.zeros(0, np.intp)).tolist() == []
+    state, names = TableState(), ["/log/battery/power", "/log/legs/LF/power", "/log/legs/RF/power"]
+    of = "W", "scalar", (), (Entry("", "<f8"),), ElementOptions()
+    state.load(Table(1, [ElementInfo(each, *of) for each in names]))
+    assert state.siblings[1] == state.siblings[2] != state.siblings[0], "the sum of all is no sibling of its parts"
     assert against_siblings(np.zeros(2), np.zeros(2, np.intp)).tolist() == [0.0, 0.0]
     assert against_siblings(np.array([5.0, 1.0]), np.arange(2)).tolist() == [1.0, 1.0], "no siblings"

@@ -97,8 +97,8 @@ def table(desk):
 
 def test_a_line_has_its_name_its_settings_and_what_is_measured(table):
     assert table.text[:2] == [
-        " >/base/orientation            [x]    1 save+pub loop  4000                   …▐",
-        "  /base/position         m     [x]    1 save+pub loop  4000                   … ",
+        " >/base/orientation            [x]    1 save+pub loop  4000                wait▐",
+        "  /base/position         m     [x]    1 save+pub loop  4000                wait ",
     ]
     table.session.live.readings[HEAT] = Reading(np.array([21.5]), {}, 50, 0, 0)
     table.follow()

@@ -119,7 +119,7 @@ async def test_the_table_is_drawn_in_every_theme(fake, opened, word):
         await screen.do("j", "space", "edit_divider", "5", "enter", "V", "j")
         assert screen.app.theme == f"silo-{word}"
         await screen.shows("pending")
-        await screen.press("m", shows="live")
+        await screen.press("m", shows="plots 1-5 of 6")
 
 
 @pytest.mark.parametrize("word", OPTION["theme"].words)

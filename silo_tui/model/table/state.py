@@ -385,7 +385,8 @@ class TableState:
             for each in elements
         ]
         self.labelled = np.array([any(one.labels for one in each.entries) for each in elements], np.bool_)
-        called = [f"{one.name.rpartition('/')[2]}\n{one.unit}" for one in elements]  # a torque of each leg
+        # a torque of each joint: what is called so of a leg, or of all, is a sum of them
+        called = [f"{one.name.count('/')}\n{one.name.rpartition('/')[2]}\n{one.unit}" for one in elements]
         self.siblings = np.unique(called, return_inverse=True)[1]
         self.mixed = np.array([len(each.entries) > 1 and not has_norm(each) for each in elements], np.bool_)
         self.revision, self.server = table.revision, server

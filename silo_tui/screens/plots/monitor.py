@@ -27,7 +27,7 @@ OF_PLOTS = {
 JOINED_NAME = 10  # cells of a name in the menu
 ROOMY = 110  # cells in which keys have longer words
 OF_LATER = ("later", "newest")
-OF_WHAT_GOES_ON = {"add_plot": "adds", "all_entries": "plots them", "next_entry": "goes on to it"}
+OF_WHAT_GOES_ON = {"all_entries": "plots them", "next_entry": "goes on to it"}
 
 
 def added_words(names: Sequence[str]) -> str:
@@ -432,7 +432,7 @@ class MonitorScreen(PlotScreen):
         self.fill_soon()
 
     def command_add_plot(self, typed: Spelled = BY_KEY) -> None:
-        """Plot more signals, below the others."""
+        """Plot more signals, below the others; what stands still goes on with them."""
         if self._refused("add_plot"):
             return
         if typed is BY_KEY:
@@ -445,13 +445,15 @@ class MonitorScreen(PlotScreen):
         for place, index in self.session.named(typed.arguments, scalars=True):
             element = self.session.table.elements[place]
             every = plots_of([element])
-            if not self.source.is_live(element.name):
+            if not self.session.source.is_live(element.name):
                 off.append(short(element.name))
             new += [each for each in (every if index is None else [every[index]]) if each not in (*there, *new)]
         if off:
             words = f"{and_more(off, 3)} {'is' if len(off) == 1 else 'are'} off"
             raise ValueError(f"{words}: {key_of('toggle')} in the table switches on")
         if new:
+            if self.pause.source is not None:  # what is held are the plots of when it was
+                self.go_on()
             self.add(new)
         else:
             self.say("that is plotted already")
