@@ -211,9 +211,9 @@ def test_a_program_with_more_than_a_thousand_open_files_is_served_by_one_helper_
 
 @pytest.mark.slow
 def test_a_helper_process_that_is_slow_to_start_is_waited_for_while_it_works(new_logger, monkeypatch, tmp_path) -> None:
-    (tmp_path / "sitecustomize.py").write_text("import time\nwhile time.process_time() < 1.5: pass\n")
+    (tmp_path / "sitecustomize.py").write_text("import time\nwhile time.process_time() < 2.5: pass\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setattr(process, "READY_TIMEOUT_S", 1.0)
+    monkeypatch.setattr(process, "READY_TIMEOUT_S", 2.0)  # others may have both processors for longer than a second
     assert new_logger("bot").serve().is_up
 
 

@@ -311,7 +311,7 @@ async def test_another_signal_is_plotted_by_its_name_without_leaving_the_plots(f
         await screen.until(lambda: len(stack.plots) > 2, "all that end so")
         assert all(each.element.name.endswith(("/torque", "/position")) for each in stack.plots)
         assert len({each.name for each in stack.plots}) == len(stack.plots)
-        await screen.press("space", "m", shows="space goes on")
+        await screen.press("space", "m", shows="added by their names")
 
 
 async def test_what_is_named_is_plotted_from_the_table_whatever_is_marked(screen, ran_s=20):
