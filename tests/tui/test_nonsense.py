@@ -25,6 +25,16 @@ LINES = [
 TYPED = ["", "x", "-1", "1e400", "9" * 400, "[/]", "\u00b2", "*", "/0", "10x", "nan", "1e308s", " ", "=", "*1e308"]
 
 
+async def all_typed(key, screen):
+    for typed in TYPED:
+        await screen.press(key)
+        await screen.type_or_paste(typed)
+        await screen.press("enter")
+        assert screen.text is not None, typed
+        await screen.leave()
+        assert screen.app.is_running, typed
+
+
 async def test_strange_lines_are_told_of_and_the_program_goes_on(screen):
     for line in LINES:
         CommandRunner(screen.app.context).run(line)
@@ -38,22 +48,11 @@ async def test_strange_lines_are_told_of_and_the_program_goes_on(screen):
 
 @pytest.mark.parametrize("key", ["d", "b"])
 async def test_strange_words_in_a_cell_are_told_of_and_the_program_goes_on(key, screen):
-    for typed in TYPED:
-        await screen.press(key)
-        await screen.type_or_paste(typed)
-        await screen.press("enter")
-        assert screen.text is not None, typed
-        await screen.leave()
+    await all_typed(key, screen)
     await screen.press("d", "7", "enter")
     await screen.until(lambda: screen.value(FIRST, Field.DIVIDER) == "7")
 
 
 @pytest.mark.parametrize("key", ["/", "e", "w", ":"])
 async def test_strange_words_in_a_dialog_are_told_of_and_the_program_goes_on(key, screen, ran_s=12):
-    for typed in TYPED:
-        await screen.press(key)
-        await screen.type_or_paste(typed)
-        await screen.press("enter")
-        assert screen.text is not None, typed
-        await screen.leave()
-    assert screen.app.is_running
+    await all_typed(key, screen)
