@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from silo.core.elements import BufferType
+from silo.core.recording import Recording
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.silo import format as form
 from silo.files.silo.reader import damage_of, read_silo
@@ -145,9 +146,11 @@ def test_values_that_are_written_in_many_tiles_have_one_checksum(plan, recorded,
 
 
 @pytest.mark.slow
-def test_a_file_cut_at_any_length_is_told(small, tmp_path):
-    silent = [length for length in range(len(small)) if not has_message(opened(small[:length], tmp_path))]
-    assert silent == []
+def test_a_file_cut_at_any_length_is_told_and_in_its_header_has_no_values(small, tmp_path):
+    found = [opened(small[:length], tmp_path) for length in range(len(small))]
+    assert [length for length, one in enumerate(found) if not has_message(one)] == []
+    headers = found[: values_at(small)]
+    assert not any(entry.count for one in headers if isinstance(one, Recording) for entry in one.elements)
 
 
 def test_a_cut_file_gives_every_whole_value(small, tmp_path):

@@ -86,14 +86,16 @@ def parse_header(data: mmap.mmap) -> Header:
         warnings.append("the header is damaged: its checksum is missing")
     if end is None and behind_check is not None:
         end = behind_check + len(form.DATA_LINE)
-    header.data_start = _start_at_the_end(header, len(data)) if end is None else end
+    header.data_start = _start_at_the_end(header, data) if end is None else end
     return header
 
 
-def _start_at_the_end(header: Header, size: int) -> int:
-    """Without any landmark, the data of a whole file is what stands at its end."""
-    start = size - sum(line.size_bytes for line in header.lines if line)
-    if None in header.lines or start <= 0:
+def _start_at_the_end(header: Header, data: mmap.mmap) -> int:
+    """The data of a whole file is what stands at its end: behind the damaged line, else it is text of a cut header."""
+    start = max(len(data) - sum(line.size_bytes for line in header.lines if line), 0)
+    line = data[max(start - len(form.DATA_LINE), 0) : start]
+    alike = sum(one == other for one, other in zip(line, form.DATA_LINE, strict=False))
+    if None in header.lines or 2 * alike < len(form.DATA_LINE):
         raise FileFormatError("it ends in its header, or the line '# Binary Data' is damaged: no values can be read")
     header.warnings.append("the line '# Binary Data' is damaged: the values were taken from the end of the file")
     return start
