@@ -226,6 +226,19 @@ def test_a_line_that_is_cut_off_is_told_and_left_out(plan, recorded, tmp_path):
     assert "record 6 has 3 cells" in recording.warnings[0]
 
 
+def test_a_row_that_is_cut_off_is_told_and_gives_its_whole_cells(plan, recorded, tmp_path):
+    write_rows(recorded([plan("/log/a", "<i8"), plan("/log/b", "<i8")], 5), tmp_path / "whole.csv")
+    whole, data = read_csv(tmp_path / "whole.csv"), (tmp_path / "whole.csv").read_bytes()
+    values = {one.name: one.entries[0].values.tolist() for one in whole.elements}
+    for size in range(data.index(b"\n/log/a") + 1, len(data) - 1):
+        (tmp_path / "x.csv").write_bytes(data[:size])
+        found = read_csv(tmp_path / "x.csv")
+        assert [one.entries[0].values.tolist() for one in found.elements] == [
+            values[one.name][: one.count] for one in found.elements
+        ]
+        assert ("its last row has no end" in str(found.warnings)) == (data[size - 1 : size] != b"\n")
+
+
 @pytest.mark.parametrize("name", ["all_types", "looping_wrapped", "mixed_dividers", "time_buffer_full"])
 def test_numbers_in_files_of_the_original_are_read(name, fixtures_folder):
     from silo.files.silo.reader import read_silo

@@ -110,7 +110,11 @@ def _parsed(text: NDArray[np.uint8], path: Path) -> Recording:
             f"pandas.read_csv(path, sep={chr(sign)!r}).to_csv(...)"
         )
     if _text(head[0]).endswith("time_s") and len(head) > 1 and re.fullmatch(rb"-?\d*", head[1]):
-        names, columns, time_ns = _from_rows(head, records(text, begin), warnings)
+        rows = records(text, begin)
+        if not head[-1] and text[-1] != LINE:  # each cell is followed by a comma, and each row by the end of its line
+            warnings.append("its last row has no end, as where a file was cut off: its cells are those with a comma")
+            rows = ([*row[:-1], b""] for row in rows if len(row) > 1)
+        names, columns, time_ns = _from_rows(head, rows, warnings)
         prefix = _text(head[0]).removesuffix("time_s").removesuffix("/")
     else:
         names, columns, time_ns = _from_columns(head, find_cells(text, begin, len(head)), warnings)
