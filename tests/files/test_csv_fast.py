@@ -107,7 +107,7 @@ def test_a_value_that_its_type_cannot_be_is_told_when_it_is_read(tmp_path):
     text = (tmp_path / "x.csv").read_text().replace(",5,", ",300,", 1)
     (tmp_path / "x.csv").write_text(text)
     (element,) = read_csv(tmp_path / "x.csv").elements
-    with pytest.raises(FileFormatError, match=r"'/log/a' was logged as \|i1, which a value in the table is not"):
+    with pytest.raises(FileFormatError, match=r"x\.csv: '/log/a' was logged as \|i1, which a value"):
         _ = element.entries[0].values
 
 

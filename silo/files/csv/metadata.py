@@ -104,14 +104,16 @@ def unpack(data: bytes) -> CsvFacts:
     return facts
 
 
-def restored(facts: CsvFacts, names: Sequence[str], columns: Sequence[Column], time_ns: NDArray[np.int64]) -> Recording:
-    """The recording as it was, of the cells of the table. Raises `NotThisTableError` if the facts don't fit."""
+def restored(
+    facts: CsvFacts, names: Sequence[str], columns: Sequence[Column], time_ns: NDArray[np.int64], path: Path
+) -> Recording:
+    """The recording as it was, of the cells of this table. Raises `NotThisTableError` if the facts don't fit."""
     if [entry.name for one in facts.elements for entry in one.entries] != list(names):
         raise NotThisTableError("its columns are others")
     if facts.ticks != len(time_ns) or facts.span != _span(time_ns):
         raise NotThisTableError("its time stamps are others")
     cells = iter(columns)
-    elements = tuple(_element(one, cells, len(time_ns)) for one in facts.elements)
+    elements = tuple(_element(one, cells, len(time_ns), path) for one in facts.elements)
     log = alike(Recording, facts.log, time_ns=time_ns, elements=elements, offset=facts.offset, events=facts.events)
     return replace(log, time_looping=facts.time_looping)
 
@@ -129,7 +131,7 @@ def _element_facts(element: RecordedElement) -> CsvElement:
     return alike(CsvElement, facts, entries=entries, divider=element.divider, count=element.count)
 
 
-def _element(facts: CsvElement, columns: Any, ticks: int) -> RecordedElement:
+def _element(facts: CsvElement, columns: Any, ticks: int, path: Path) -> RecordedElement:
     entries = []
     for entry in facts.entries:
         column: Column = next(columns)
@@ -139,7 +141,7 @@ def _element(facts: CsvElement, columns: Any, ticks: int) -> RecordedElement:
             raise NotThisTableError(f"the values of '{entry.name}' are no {entry.dtype}")
         if samples is None or (len(samples) < facts.count and dtype.kind not in _MASKED):
             raise NotThisTableError(f"'{entry.name}' has its samples at other ticks")
-        load = partial(_loaded, column, entry, dtype, facts.count, samples)
+        load = partial(_loaded, path, column, entry, dtype, facts.count, samples)
         about = Entry(entry.suffix, entry.dtype, entry.labels)
         entries.append(lazy_entry(entry.name or "", about, load, dtype.newbyteorder("="), facts.count))
     return alike(RecordedElement, facts, first=facts.first or 0, entries=tuple(entries))
@@ -153,15 +155,15 @@ def _may_be(dtype: np.dtype[Any], column: Column) -> bool:
 
 
 def _loaded(
-    column: Column, entry: form.EntryFacts, dtype: np.dtype[Any], count: int, samples: NDArray[np.intp]
+    path: Path, column: Column, entry: form.EntryFacts, dtype: np.dtype[Any], count: int, samples: NDArray[np.intp]
 ) -> NDArray[Any]:
     """The values of a column as they were logged; strings stay bytes, as in every recording."""
     try:
         values = _parsed(column.words(), dtype)
     except (ValueError, OverflowError, TypeError):
         raise FileFormatError(
-            f"'{entry.name}' was logged as {entry.dtype}, which a value in the table is not; correct that, or remove "
-            "the .json beside it to read the table by itself"
+            f"{path}: '{entry.name}' was logged as {entry.dtype}, which a value in the table is not; correct that, or "
+            f"remove {sidecar_of(path.name)} to read the table by itself"
         ) from None
     return spread(values, samples, count)
 

@@ -122,7 +122,7 @@ def _parsed(text: NDArray[np.uint8], path: Path) -> Recording:
     facts = _facts_beside(path)
     if facts is not None:
         try:
-            recording = restored(unpack(facts), names, columns, time_ns)
+            recording = restored(unpack(facts), names, columns, time_ns, path)
             return replace(recording, warnings=(*recording.warnings, *warnings))
         except NotThisTableError as error:
             warnings.append(
