@@ -14,7 +14,7 @@ from silo.expressions.evaluation import FALSE, TRUE, UNOBSERVABLE
 from silo.expressions.over_recordings import RecordingJudge, narrowed
 from silo.expressions.search import run_begins
 from silo.judging.checks import bind_limits, rule_of, scalar_names
-from silo.judging.limits import Level, Limit, LimitRule, Violation, beside_bounds
+from silo.judging.limits import Level, Limit, LimitRule, Violation
 
 UNCHANGED = "; nothing was changed"  # of errors that are none here
 
@@ -79,7 +79,7 @@ def _limited(judge: RecordingJudge, recording: Recording, limits: SignalLimits) 
         own = np.ones(len(judged.ticks), bool)
         if len(expressions) > 1:
             own = judge.has_sample(signal, judged.ticks)
-        values = beside_bounds(judged.numbers()[own], rule).reshape(-1, len(limit.states))
+        values = judged.numbers()[own].reshape(-1, len(limit.states))
         context = judged.codes(1)[own] if len(expressions) > 1 else None
         for violation in limit.feed(judged.ticks[own], judged.time_ns[own], values, context):
             found[violation.entry][violation.number] = violation

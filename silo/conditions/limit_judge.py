@@ -154,7 +154,8 @@ class _Together:
             return
         block = np.stack([rows.columns[key].astype(np.float64, copy=False) for key in self.keys], axis=1)
         low, high = block.min(axis=0), block.max(axis=0)
-        if np.fmax.reduce(np.fmax(high, -low)) >= EXACT:
+        is_wide = np.fmax.reduce(np.fmax(high, -low)) >= EXACT
+        if is_wide:
             low, high = self._to_the_last_digit(rows, block)
         # False too where there is a NaN
         green = (low >= self.low) & (high <= self.high)
@@ -166,7 +167,10 @@ class _Together:
             else:
                 one.note_newest(rows.time_ns, block[:, start:stop])
             if not is_quiet or one.stirred:
-                one.take(one.limit.feed(rows.ticks, rows.time_ns, block[:, start:stop]))
+                values = block[:, start:stop]
+                if is_wide and one.limit.rule.stale_ns:
+                    values = np.stack([rows.columns[key] for key in self.keys[start:stop]], axis=1)
+                one.take(one.limit.feed(rows.ticks, rows.time_ns, values))
 
     def _to_the_last_digit(self, rows: SourceRows, block: Floats) -> tuple[Floats, Floats]:
         for one, start in zip(self.limited, self.starts.tolist(), strict=True):
@@ -307,10 +311,10 @@ class LimitJudge:
         # held values of a slower signal are no new samples
         ticks = [rows[ring].ticks for ring in one.expressions[0].sources]
         own = np.isin(judged.ticks, np.concatenate(ticks)) if len(evaluator.sources) > 1 else slice(None)
-        values = beside_bounds(judged.numbers()[own], one.limit.rule).reshape(-1, len(one.scalars))
+        values = judged.numbers()[own].reshape(-1, len(one.scalars))
         if len(values):
             context = judged.codes(1)[own] if len(one.expressions) > 1 else None
-            one.note_newest(judged.time_ns[own], values)
+            one.note_newest(judged.time_ns[own], beside_bounds(values, one.limit.rule))
             one.take(one.limit.feed(judged.ticks[own], judged.time_ns[own], values, context))
 
     def check_silent(self) -> list[str]:

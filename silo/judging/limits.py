@@ -154,7 +154,7 @@ class EntryState:
     opposite: int = 0
     fresh_ns: int | None = None  # when the value was new
     seen_ns: int = 0  # the newest sample's
-    last: float = math.nan
+    last: int | float = math.nan
     stale_count: int = 0
     stale_alarm: bool = False
     missing_ns: int = 0  # where it has no value now, since when; 0 where it never had one
@@ -189,7 +189,7 @@ class Limit:
         self.states = [EntryState() for _ in range(self.width)]
 
     def feed(
-        self, ticks: Ints, time_ns: Ints, values: Floats, context: NDArray[np.int8] | None = None
+        self, ticks: Ints, time_ns: Ints, values: NDArray[Any], context: NDArray[np.int8] | None = None
     ) -> list[Violation]:
         """Take the next samples in; returns the violations that began, grew or ended, as they are then.
 
@@ -198,10 +198,13 @@ class Limit:
         """
         if not len(ticks):
             return []
-        columns = values.reshape(len(values), -1)
+        given = values.reshape(len(values), -1)
+        columns = beside_bounds(given, self.rule)
         judged = None if context is None else context == TRUE
         found: list[Violation] = []
         for entry in self._stirred(columns, context):
+            if self.rule.stale_ns:
+                self._freshen(self.states[entry], time_ns, given[:, entry])
             found += self._feed_entry(entry, self.states[entry], ticks, time_ns, columns[:, entry], judged)
         return found
 
@@ -237,11 +240,8 @@ class Limit:
     def _feed_entry(
         self, entry: int, state: EntryState, ticks: Ints, time_ns: Ints, values: Floats, judged: Any
     ) -> list[Violation]:
-        missing = np.isnan(values)
-        if self.rule.stale_ns:
-            self._freshen(state, time_ns, values, missing)
         # a NaN says nothing, what is out of context ends everything
-        codes = np.where(missing, _SKIP, self._levels(values))
+        codes = np.where(np.isnan(values), _SKIP, self._levels(values))
         if judged is not None:
             codes = np.where(judged, codes, _OUT)
         starts = [0, *(np.flatnonzero(codes[1:] != codes[:-1]) + 1).tolist()]
@@ -349,8 +349,9 @@ class Limit:
         if abs(level) > abs(state.alarm):
             state.alarm = level
 
-    def _freshen(self, state: EntryState, time_ns: Ints, values: Floats, missing: NDArray[np.bool_]) -> None:
+    def _freshen(self, state: EntryState, time_ns: Ints, values: NDArray[Any]) -> None:
         """Note when values were new, and how often one came too late. A clock that is set back makes none younger."""
+        there = ~np.isnan(values)
         begin_ns = int(time_ns[0])
         if state.fresh_ns is None:
             state.fresh_ns = state.seen_ns = begin_ns
@@ -358,14 +359,15 @@ class Limit:
         steps = np.diff(time_ns, prepend=begin_ns)
         back_ns = np.cumsum(np.where(steps < 0, -steps, 0))
         time_ns = time_ns + back_ns  # as the clock had gone on
-        known = values[~missing]
-        stamps = time_ns[~missing][known != np.concatenate([[state.last], known[:-1]])]
+        known = values[there]
+        is_new = np.array([one != state.last for one in known[:1].tolist()], bool)  # Python's integers are exact
+        stamps = time_ns[there][np.concatenate([is_new, known[1:] != known[:-1]])]
         if len(stamps):
             late = np.diff(stamps, prepend=state.fresh_ns) > self.rule.stale_ns
             self._note_stale(state, int(late.sum()) - int(state.stale and late[0]))
             state.fresh_ns, state.stale = int(stamps[-1]), False
         if len(known):
-            state.last = float(known[-1])
+            state.last = known[-1].item()
         state.fresh_ns -= int(back_ns[-1])
         state.seen_ns = int(time_ns[-1] - back_ns[-1])
         self._check_stale(state, state.seen_ns)

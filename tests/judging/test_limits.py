@@ -18,7 +18,7 @@ MS = 10**6
 
 def fed(rule, values, cuts=(), context=None, times=None):
     """The limit after samples at ticks 0, 1, ... a millisecond apart, and all its violations."""
-    values = np.asarray(values, np.float64)
+    values = np.asarray(values)
     limit = Limit(rule, 1 if values.ndim == 1 else values.shape[1])
     ticks = np.arange(len(values))
     times = ticks * MS if times is None else np.asarray(times)
@@ -196,12 +196,14 @@ def test_a_value_that_froze_before_the_clock_was_set_back_is_stale_in_time(at, c
     assert limit.states[0].stale_count == 1
 
 
-def test_a_value_that_stays_the_same_too_long_is_stale_until_it_is_new():
+@pytest.mark.parametrize("first", [1, 2**60, -(2**53) - 1, 2**63 + 1, 0.5])
+def test_a_value_that_stays_the_same_too_long_is_stale_until_it_is_new(first):
     rule = LimitRule(stale_ns=2 * MS)
-    limit, _ = fed(rule, [1, 1, 1, 1, 1])
+    limit, _ = fed(rule, [first] * 5, cuts=(2,))
     assert limit.states[0].stale
     assert limit.states[0].stale_count == 1
-    assert not fed(rule, [1, 1, 1, 1, 2])[0].states[0].stale
+    assert not fed(rule, [first, first, first, first, first + 1])[0].states[0].stale
+    assert not fed(rule, [first + step for step in range(9)], cuts=(3, 4))[0].states[0].stale_count
     quiet, _ = fed(rule, [1, 2])
     assert quiet.check_stale(9 * MS) == [0]
     assert quiet.check_stale(10 * MS) == []
