@@ -164,6 +164,7 @@ def _complete_one(kept: RecorderHandover, runs: Sequence[SegmentReader], tell: T
     runs = [reader for reader in runs if reader.schema.run in wanted]
     recorder = RecorderProcess(msgspec.structs.replace(kept, order=order))
     recorder.runs = [*wanted]
+    code = 0
     for _ in range(MOST_LIVES):
         try:
             recorder.start(order)
@@ -173,11 +174,11 @@ def _complete_one(kept: RecorderHandover, runs: Sequence[SegmentReader], tell: T
             recorder.follow(reader, None)
         recorder.finish(kept.ending or CLOSED, 0)
         _listen(recorder, tell)
-        recorder.reap()
+        code = recorder.reap()
         if recorder.report.state.over:
             break
     if recorder.report.state is not RecorderState.ENDED:
-        return f"can't be completed: {recorder.report.text or 'its process died each time'}"
+        return f"can't be completed: {recorder.report.text or f'its process died (exit code {code}) each time'}"
     if runs:
         _log(recorder, runs[-1].schema)
     tell(order, f"completed in {order.folder}, {recorder.sums().text}")

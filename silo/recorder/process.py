@@ -212,8 +212,11 @@ class RecorderProcess:
         """Return its next report, None at its end. Raises BlockingIOError where there is none."""
         try:
             body = self.socket.recv(MAX_PACKET_BYTES)
+        except ConnectionResetError:  # it ended before it read all: the kernel tells that before its last words
+            body = self.socket.recv(MAX_PACKET_BYTES)
+        try:
             return decode_report(body) if body else None
-        except (ConnectionResetError, msgspec.MsgspecError):
+        except msgspec.MsgspecError:
             return None
 
     def reap(self) -> int:

@@ -9,7 +9,8 @@ import pytest
 
 from silo.core.elements import BufferType, RecorderState
 from silo.recorder import recorder
-from silo.recorder.orders import News, Progress, Report
+from silo.recorder.orders import Finish, News, Progress, Report, encode
+from silo.recorder.process import RecorderProcess
 from silo.recorder.recorder import Recorder
 from silo.recorder.requests import StopRecorder
 from silo.recorder.ring_cursor import RingCursor
@@ -17,6 +18,18 @@ from silo.recorder.server import EndlessRecordings
 from silo.rpc.published import EventKind
 from silo.segment.layout import RingSchema
 from silo.state.events import EventNotifier
+from silo.state.handover import handover_pair
+
+
+def test_the_last_words_of_one_that_ended_before_it_read_all_are_heard():
+    recorder = object.__new__(RecorderProcess)
+    recorder.socket, theirs = handover_pair()
+    with recorder.socket:
+        recorder._send(Finish("closed", 0))
+        theirs.send(encode(Report(RecorderState.FAILED, "no room")))
+        theirs.close()
+        assert recorder.receive() == Report(RecorderState.FAILED, "no room")
+        assert recorder.receive() is None
 
 
 def test_of_a_disk_that_is_too_slow_for_ever_only_losses_are_left_out():
