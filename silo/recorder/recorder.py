@@ -213,6 +213,8 @@ class Recorder:
             timeout_s = 0.0
             try:
                 body, descriptors, _, _ = socket.recv_fds(self._socket, MAX_PACKET_BYTES, 2)
+            except ConnectionResetError:  # it is gone and had not read all: told once, before what it had said
+                continue
             except OSError:
                 body, descriptors = b"", []
             if not body:

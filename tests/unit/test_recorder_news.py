@@ -32,6 +32,17 @@ def test_the_last_words_of_one_that_ended_before_it_read_all_are_heard():
         assert recorder.receive() is None
 
 
+def test_what_was_said_last_is_done_though_who_said_it_had_not_read_all_reports():
+    recorder = object.__new__(Recorder)
+    recorder._why, (recorder._socket, theirs) = "", handover_pair()
+    with recorder._socket:
+        recorder._send(Report(RecorderState.RECORDING))
+        theirs.send(encode(Finish("closed", 7)))
+        theirs.close()
+        recorder._listen(0.0)
+        assert (recorder._why, recorder._until) == ("closed", 7)
+
+
 def test_of_a_disk_that_is_too_slow_for_ever_only_losses_are_left_out():
     recorder = object.__new__(Recorder)
     news = deque([News(Report, finished="first.mcap", told_run="run", told_tick=7)])
