@@ -1,6 +1,8 @@
 """The lines of words above the keys: news of the robot, and below the facts of a screen and the answer to a key."""
 
+import re
 import time
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 
 from rich.cells import cell_len
@@ -27,10 +29,15 @@ MOST_ROWS = 3  # of news and an answer together: they stand over the rows that t
 
 
 def beginning(words: str, room: int, rows: int, console: Console) -> str:
-    """Return as much as so many rows of cells take, line by line, and where the rest is."""
+    """Return as much as so many rows of cells take, and where the rest is. What to do ends a message, and stays."""
     lines, rest = lines_of(words, room, console), f" … ({key_of('messages') or ':messages'})"
     if len(lines) > rows:
-        lines[rows - 1] = lines_of(lines[rows - 1], max(1, room - cell_len(rest)), console)[0].rstrip() + rest
+        at = max(words.rfind("; "), words.rfind(". "))
+        rest += words[at:] if at > 0 and cell_len(words[at:]) <= 2 / 3 * room * rows else ""
+        told = text.held(words)
+        ends = [blank.start() for blank in re.finditer(r"\s", told)] or list(range(len(told)))
+        most = bisect_left(ends, True, key=lambda end: len(lines_of(told[:end] + rest, room, console)) > rows)
+        lines = lines_of(told[: ends[max(0, most - 1)]].rstrip() + rest, room, console)
     return "\n".join(lines[:rows])
 
 
@@ -234,7 +241,8 @@ class ListLine(MessageLine):
     def below(self, room: int) -> Text:
         if self._failed:
             return super().below(room)
-        words = self.BETWEEN.join(filter(None, [self.cut(self.said), *self.told]))
+        told = self.told if self._most_rows > 1 or not self.said else []
+        words = self.BETWEEN.join(filter(None, [self.cut(self.said), *told]))
         most = max(1, round(self.app.size.height * self._share)) if self._most_rows > 1 else 1
         return Text(beginning(words, room, most, self.app.console))
 

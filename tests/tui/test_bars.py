@@ -687,14 +687,16 @@ def test_of_a_list_a_failure_stands_alone_and_an_answer_before_what_is_told():
 
 
 @pytest.mark.parametrize("failed", [False, True])
+@pytest.mark.parametrize("advice", ["", "; g r lists it", ". w saves it"])
 @pytest.mark.parametrize("made", [lambda: OfList(0.3), lambda: Said(Session("robot"))])
-def test_while_a_menu_covers_the_rows_above_a_message_shows_its_beginning(made, failed):
+def test_while_a_menu_covers_the_rows_above_a_message_shows_its_beginning_and_what_to_do(made, advice, failed):
     line = made()
-    line.say(" ".join(map(str, range(60))), failed=failed)
+    line.told = ["1 limit"]
+    line.say(" ".join(map(str, range(60))) + advice, failed=failed)
     assert len(line.words().wrap(line.app.console, 78)) == 3
     line.cover(True)
     (row,) = line.words().wrap(line.app.console, 78)
-    assert row.plain.startswith("0 1 2 3") and row.plain.endswith(f"… ({key_of('messages')})")
+    assert row.plain.startswith("0 1 2 3") and row.plain.endswith(f"… ({key_of('messages')}){advice}")
     line.cover(False)
     assert len(line.words().wrap(line.app.console, 78)) == 3
 

@@ -10,7 +10,7 @@ from silo.core.elements import RecorderState
 from silo.errors import RefusedError
 from silo.recorder.requests import RecorderInfo
 from silo.recordings.requests import Recordings
-from silo_tui.actions import BY_ID, key_of
+from silo_tui.actions import BY_ID
 from silo_tui.keymap import counts
 from silo_tui.model.lists.recorders import WritingPace, head, row
 
@@ -109,7 +109,7 @@ class TestScreens:
         await screen.shows("REC 1")
 
     @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
-    async def test_what_is_recorded_for_a_while_alone_is_said_before_where_it_records_to(self, size, fake, opened):
+    async def test_what_is_recorded_for_a_while_alone_is_said_with_what_to_do(self, size, fake, opened):
         fake.record_warns = (
             "25 elements are recorded only until their buffers are full (/base/inertia, /base/mass, /base/name, "
             "/legs/LF/HAA/peak_torque, /legs/LF/HAA/serial_number, ...), or, where it grows, until there is no memory; "
@@ -118,11 +118,10 @@ class TestScreens:
         async with opened(fake.run(), size=size) as screen:
             await screen.enter("/imu")
             await screen.enter(":record")
-            await screen.press("enter", shows="recording 'robot'; 25 elements are recorded only until")
+            await screen.press("enter", shows="recording 'robot' to /home/ann/logs/recordings; 25 elements")
             told = " ".join(screen.text.split())
             assert "25 elements are recorded only until their buffers are full" in told
-            rest = f"({key_of('messages') or ':messages'})"
-            assert (rest if size[0] == 80 else "without end; to /home/ann/logs/recordings") in told
+            assert "; buffer=looping or action=both has them recorded without end" in told
 
     @pytest.mark.parametrize("steps", [("recordings", "record"), (":", *"record", "enter")])
     async def test_what_a_budget_deletes_of_an_earlier_recording_is_said_before_it_is_begun(

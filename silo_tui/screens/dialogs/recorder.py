@@ -124,8 +124,8 @@ async def begin(context: Context, session: Session, found: Recordings | None = N
             lambda client: client.record(wish.patterns, wish.to, wish.split, wish.keep, wish.name)
         )
         await _look(session)
-        warned = f"; {started.text};" if started.text else ""  # first: what is long is cut at its end
-        context.say(f"recording '{started.name}'{warned} to {started.folder}")
+        warned = f"; {started.text}" if started.text else ""
+        context.say(f"recording '{started.name}' to {started.folder}{warned}")
 
     await taken(context, form, send)
 
