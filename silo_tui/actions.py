@@ -402,6 +402,7 @@ COMMANDS: tuple[Command, ...] = (
     _acts("plot_trigger", "N", "New trigger", "a trigger at the level under the cursor", "Plots", _MONITOR + _SCOPE),
     _acts("new_of_row", "N", "New", "a trigger, or limits, of the element under the cursor", "Look", _TABLE),
     Command("last_capture", "", "Last capture", "plot what was captured last, of whichever trigger", "Look", _TABLE),
+    _acts("arm_trigger", "", "Arm/Off", "have the only trigger watch, or no more", "Look", _TABLE),
     _acts("limits_of_row", "", "Limits", "limits of the element under the cursor, or of all marked", "Edit", _TABLE),
     _helped("acknowledge", "K", "Acknowledge", "say that you have seen the alarm", "Alarms", _ALARMS, 1),
     Command("alarm_worst", "enter", "To its worst", "plot it, the worst sample under the cursor", "Alarms", _ALARMS, 2),

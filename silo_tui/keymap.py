@@ -136,7 +136,7 @@ _TABLE = (
     ("r n", "new_of_row plot_trigger trigger_new alarm_new"),
     ("r r", "record"),
     ("r s", "stop_recording"),
-    ("r t", "trigger_toggle"),
+    ("r t", "trigger_toggle arm_trigger"),
     ("r f", "trigger_force scope_force"),
     ("r k", "acknowledge"),
     ("r m", "set_marker"),

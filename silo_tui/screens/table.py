@@ -454,6 +454,11 @@ class TableScreen(ElementsScreen):
 
         open_last_capture(self, self.session)
 
+    def command_arm_trigger(self) -> None:
+        from silo_tui.screens.lists.triggers import arm_only  # as above
+
+        arm_only(self, self.session.triggers)
+
     def command_new_of_row(self) -> None:
         if self.session.rows.row is None:  # a name space, or nothing: a trigger is of any signals
             self.context.run_flow(self._make_trigger(""))
@@ -587,6 +592,9 @@ class TableScreen(ElementsScreen):
     def value_now(self, command_id: str) -> str:
         """Return the value that a command would change, or that those that it is about have several."""
         field = FIELDS_BY_COMMAND.get(command_id)
+        if command_id == "arm_trigger":
+            triggers = self.session.triggers
+            return triggers[0].options.name if len(triggers) == 1 else many(len(triggers), "trigger")
         if command_id == "new_of_row" and len(self.session.rows.targets()) > 1:
             return "of one element"  # whatever is marked
         if field is None:

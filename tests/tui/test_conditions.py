@@ -881,12 +881,24 @@ class TestLists:
             screen.app.screen.action_command("last_capture")
             await screen.until(lambda: asked == [["/r/low_2.silo", "/r/low_2.csv"]])
 
-    async def test_without_a_capture_that_is_said_in_the_table(self, fake, opened):
-        fake.trigger_statuses = [FALL, BLIND]
+    @pytest.mark.parametrize(
+        ("command", "triggers", "said"),
+        [
+            ("last_capture", [FALL, BLIND], "no trigger has captured anything yet"),
+            ("arm_trigger", [FALL, BLIND], "2 triggers: T is where one is chosen"),
+            ("arm_trigger", [], "0 triggers: T is where they are made"),
+            ("arm_trigger", [OFF], f"trigger '{OFF.options.name}' is armed (T Triggers)"),
+            ("arm_trigger", [FALL], f"trigger '{FALL.options.name}' is off (T Triggers)"),
+        ],
+    )
+    async def test_of_triggers_the_table_says_where_they_are_and_arms_the_only_one(
+        self, fake, opened, command, triggers, said
+    ):
+        fake.trigger_statuses = triggers
         async with opened(fake) as screen:
-            await screen.until(lambda: screen.session.triggers)
-            screen.app.screen.action_command("last_capture")
-            await screen.shows("no trigger has captured anything yet")
+            await screen.until(lambda: screen.session.triggers == triggers)
+            screen.app.screen.action_command(command)
+            await screen.shows(said)
 
     async def test_an_alarm_that_slipped_under_the_cursor_is_not_acknowledged_at_once_and_all_that_is_marked_are(
         self, fake, opened

@@ -168,8 +168,8 @@ def test_a_command_without_keys_can_be_typed_and_is_carried_out():
 
 
 WRITES = """
-acknowledge alarm_limits alarm_new alarm_remove apply default_parameter delete_recording derive edit edit_all
-edit_divider edit_size episode episode_bad episode_good episode_redo excite forget_derived limits_of_row
+acknowledge alarm_limits alarm_new alarm_remove apply arm_trigger default_parameter delete_recording derive edit
+edit_all edit_divider edit_size episode episode_bad episode_good episode_redo excite forget_derived limits_of_row
 load_into_loggers load_preset load_script new_of_row next_action next_buffer plot_trigger record restart
 restart_loggers restore save_data save_loggers save_script set set_marker start_stop start_stop_loggers stop_recording
 toggle trigger_edit trigger_force trigger_new trigger_remove trigger_toggle turn_down turn_far_down turn_far_up

@@ -12,11 +12,12 @@ from silo.core.conditions import TriggerOptions, TriggerWord, new_trigger
 from silo.core.quantities.writing import many
 from silo.judging.checks import long_capture_s
 from silo_tui.actions import Command, key_of
+from silo_tui.context import SiloScreen
 from silo_tui.model.lists.conditions import CAUTION, LOUD, name_width, named_in, times_head, trigger_row, when_width
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
 from silo_tui.model.words.names import fitting_names
-from silo_tui.screens.dialogs.form import taken
+from silo_tui.screens.dialogs.form import taken, told
 from silo_tui.screens.dialogs.questions import confirmed
 from silo_tui.screens.dialogs.trigger_editor import TriggerEditor, ask_trigger
 from silo_tui.screens.files.opened import open_capture
@@ -31,6 +32,21 @@ STATES = (
     TriggerWord.FIRING, TriggerWord.BLIND, TriggerWord.OTHER, TriggerWord.HOLDOFF, TriggerWord.ARMED, TriggerWord.FIRED,
     TriggerWord.WAITING, TriggerWord.OFF,
 )  # fmt: skip
+
+
+def _is_off(one: TriggerStatus) -> bool:
+    return one.state in (TriggerWord.OFF, TriggerWord.FIRED)
+
+
+def arm_only(screen: SiloScreen, found: Sequence[TriggerStatus]) -> None:
+    """Arm the only trigger, or switch it off; of several, say where one is chosen."""
+    if len(found) == 1:
+        name, armed = found[0].options.name, _is_off(found[0])
+        arm = told(screen.context, lambda client: client.arm_trigger(name, armed=armed), "triggers")
+        screen.context.run_flow(arm)
+    else:
+        does = "is where one is chosen" if found else "is where they are made"
+        screen.say(f"{many(len(found), 'trigger')}: {key_of('triggers')} {does}")
 
 
 class TriggersScreen(ConditionsScreen[TriggerStatus]):
@@ -124,7 +140,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
     def command_trigger_toggle(self) -> None:
         """Arm what is off, or switch off; of several, all as the first."""
         if targets := self.targets():
-            armed = targets[0].state in (TriggerWord.OFF, TriggerWord.FIRED)
+            armed = _is_off(targets[0])
             self._do(targets, lambda client, name: client.arm_trigger(name, armed=armed))
 
     def command_trigger_force(self) -> None:
