@@ -12,7 +12,7 @@ from silo.recorder.requests import RecorderInfo
 from silo.recordings.requests import Recordings
 from silo_tui.actions import BY_ID
 from silo_tui.keymap import counts
-from silo_tui.model.lists.recorders import WritingPace, head, row
+from silo_tui.model.lists.recorders import WritingPace, head, head_words, row
 
 SECOND = 10**9
 NOW_NS = 1_790_000_100 * SECOND
@@ -44,6 +44,7 @@ class TestRows:
         one = structs.replace(WALK, size_bytes=size, keep_bytes=keep)
         line = row(one, [each.name for each in robot], None, "/home/ann/logs", 80, NOW_NS)
         assert shown in line
+        assert f" {head_words([one])} " in line
         assert len(line) == 80
 
     def test_one_that_ended_by_itself_tells_why(self, robot):

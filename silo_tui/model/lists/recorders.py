@@ -78,10 +78,15 @@ def _room(width: int) -> int:
     return max(9, width - 68)
 
 
+def size_of(one: RecorderInfo) -> int:
+    """Return what is on the disk of a budget, without one what was written since it was started."""
+    return one.size_bytes if one.keep_bytes else one.written_bytes
+
+
 def budget_text(one: RecorderInfo) -> str:
     """Return a bar and `21 of 50 GB`; without a budget what was written since it was started."""
     if not one.keep_bytes:
-        return f"{'':{BAR}} {size_text(one.written_bytes)}"
+        return f"{'':{BAR}} {size_text(size_of(one))}"
     sizes = _of(one.size_bytes, one.keep_bytes)
     if BAR + 1 + len(sizes) > BUDGET:  # in kB of more: of a bar nothing would show
         return sizes
@@ -89,9 +94,9 @@ def budget_text(one: RecorderInfo) -> str:
 
 
 def head_words(found: Sequence[RecorderInfo]) -> str:
-    """Return how much is on the disk of what records, and of how much it may be; empty where none is known."""
+    """Return how much there is of what records, as their lines tell, and of how much it may be; empty where none is."""
     going = [one for one in found if not one.state.over]
-    size, keep = sum(one.size_bytes for one in going), sum(one.keep_bytes for one in going)
+    size, keep = sum(map(size_of, going)), sum(one.keep_bytes for one in going)
     if not going:
         return ""
     return _of(size, keep) if all(one.keep_bytes for one in going) else size_text(size)
