@@ -231,10 +231,9 @@ def _new_end(session: Session) -> str:
 def _what_changes(context: Context, changes: Sequence[PendingChange], end: str) -> Text:
     """Return the edits in groups, and what the table takes before and after; first that it will `end`, in words."""
     session, table = context.session, context.session.table
-    frequency_hz = session.status.frequency_hz
     own = table.elements[: table.own]  # what is derived takes no memory
     edited = {change.name for change in changes}
-    now, after = (cost_of(table.elements, each, frequency_hz, edited) for each in (table.server, table.values))
+    now, after = (cost_of(table.elements, each, session.rate_hz, edited) for each in (table.server, table.values))
     stops = bool(end_text(kept_by(own, table.values), session.status.max_time_s))
     cost = cost_text(now, after, session.short_name(after.shortest), session.status.room_bytes, stops=stops)
     first = Text(end_words(end), style="bold")

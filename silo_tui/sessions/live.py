@@ -250,6 +250,11 @@ class Session:
         return self.running and 0 < self.measured_hz < SLOW_SHARE * self.status.frequency_hz
 
     @property
+    def rate_hz(self) -> float:
+        """How many ticks the loop makes per second: as it was told, or as was measured of one that is slower."""
+        return self.measured_hz if self.loop_slow else self.status.frequency_hz
+
+    @property
     def run_seconds(self) -> float:
         """How long the logger has been running, or did run, whatever cuts it had since."""
         end = max(self.frame_time_ns if self.running else 0, self.status.last_tick_ns)

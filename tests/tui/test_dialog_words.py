@@ -8,7 +8,7 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from silo.core.elements import FieldChange, RecorderState
+from silo.core.elements import Action, BufferType, FieldChange, RecorderState, State
 from silo.errors import SiloError
 from silo.recorder.requests import RecorderInfo
 from silo.recordings.requests import Recordings
@@ -276,10 +276,33 @@ def test_what_can_t_be_recorded_is_refused(typed, why, desk):
          "another name keeps them"),
     ],
 )  # fmt: skip
-def test_how_fast_files_grow_and_for_how_long_there_is_room_is_told(free_bytes, typed, words, desk):
+@pytest.mark.parametrize(
+    ("measured_hz", "rate", "day", "kept"),
+    [(0.0, "20.8 kB", "13.4 h", "2.23 days"), (200.0, "10.4 kB", "26.7 h", "4.45 days")],
+)
+def test_how_fast_files_grow_and_for_how_long_there_is_room_is_told(
+    measured_hz, rate, day, kept, free_bytes, typed, words, desk
+):
+    desk.session.status = msgspec.structs.replace(desk.session.status, state=State.RUNNING)
+    desk.session.measured_hz = measured_hz
     said = looked(desk, free_bytes, **typed)
-    rate = "20.8 kB"
-    assert said == words.format(rate=rate, day="13.4 h", kept="2.23 days"), said
+    assert said == words.format(rate=rate, day=day, kept=kept), said
+
+
+@pytest.mark.parametrize(
+    ("options", "ticks", "words"),
+    [
+        ({"size": 20_000}, 40_000, "2 signals: about 10.4 kB/s in .mcap files\n"
+         "1 signal has its fixed buffer full: 0 samples; e b makes it loop"),
+        ({"size": 20_001}, 40_000, "2 signals: about 15.6 kB/s in .mcap files"),
+    ],
+)  # fmt: skip
+def test_of_a_full_fixed_buffer_it_is_told_before_that_nothing_is_recorded(options, ticks, words, new_fake):
+    fixed = {"buffer": BufferType.FIXED, "action": Action.SAVE, "divider": 2, **options}
+    desk = Desk(new_fake([scalar("/log/x"), scalar("/log/y", **fixed)]))
+    desk.session.status = msgspec.structs.replace(desk.session.status, state=State.RUNNING)
+    desk.session.ticks = ticks
+    assert looked(desk) == words
 
 
 def test_a_recording_is_begun_with_what_is_marked_else_with_all(desk, monkeypatch):
@@ -297,7 +320,7 @@ def test_a_recording_is_begun_with_what_is_marked_else_with_all(desk, monkeypatc
     desk.session.rows.marked[1] = True
     record = desk.fake.record
     desk.fake.record = lambda *given: msgspec.structs.replace(record(*given), text="b/z is off")
-    assert desk.does(recorder.begin(desk, desk.session)) == "recording 'mine'; b/z is off; to /home/ann/logs/to"
+    assert desk.does(recorder.begin(desk, desk.session)) == "recording 'mine' to /home/ann/logs/to; b/z is off"
     desk.does(recorder.begin(desk, desk.session, 0, "imu/*"))
     assert begun == ["all", "marked", "imu/*"]
 

@@ -293,7 +293,7 @@ def tried_lines(
 def slow_words(made: TriggerOptions, hz: float, nominal_hz: float) -> str:
     """Return how long a capture gets of a loop that makes fewer ticks than it should: times are counted in them."""
     name, seconds = ("pre", made.pre_s) if made.pre_s else ("post", made.post_s)
-    if not seconds:
+    if not seconds or hz == nominal_hz:
         return ""
     lasts = f"{name} of {text.span(seconds)} lasts {text.span(seconds * nominal_hz / hz, 2)}"
     return f"times count ticks, of which the loop makes {text.short(hz, 3)} of {text.short(nominal_hz, 3)} Hz: {lasts}"

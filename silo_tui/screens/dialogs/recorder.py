@@ -4,6 +4,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
+from silo.core.elements import Action, BufferType
 from silo.core.names import matching
 from silo.core.quantities.reading import read_keep, read_split
 from silo.core.quantities.writing import duration, many, size_text
@@ -12,6 +15,7 @@ from silo.recorder.requests import DEFAULT_FOLDER, RecorderInfo
 from silo.recordings.requests import Recordings
 from silo_tui.actions import key_of
 from silo_tui.context import Context
+from silo_tui.model.lists.recorders import size_of
 from silo_tui.model.table.changes import cost_of
 from silo_tui.model.table.fields import Field
 from silo_tui.model.words import text
@@ -85,9 +89,18 @@ class RecordDialog(Form[Wish]):
         values = session.table.server[:, rows]
         on = int((values[Field.ENABLED] != 0).sum())
         off = f", {len(rows) - on} of them off" if on < len(rows) else ""
+        samples = values[Field.SIZE].astype(float) * np.maximum(1, values[Field.DIVIDER])
+        is_full = (values[Field.ENABLED] != 0) & (values[Field.BUFFER] == BufferType.FIXED) & (samples <= session.ticks)
+        is_full &= (values[Field.ACTION] == Action.SAVE) & session.running
+        values = np.where(is_full & (np.arange(len(values))[:, None] == Field.ENABLED), 0, values)
         elements = [session.table.elements[row] for row in rows]
-        bytes_s = cost_of(elements, values, session.status.frequency_hz).recorded_bytes_s
+        bytes_s = cost_of(elements, values, session.rate_hz).recorded_bytes_s
         first = f"{many(len(rows), 'signal')}{off}: about {size_text(bytes_s)}/s in .mcap files"
+        if full := int(is_full.sum()):
+            has, loops = ("has its", "it loop") if full == 1 else ("have their", "them loop")
+            first += (
+                f"\n{many(full, 'signal')} {has} fixed buffer full: 0 samples; {key_of('next_buffer')} makes {loops}"
+            )
         room = read_keep(wish.keep)
         if not bytes_s:
             return first
@@ -162,9 +175,9 @@ async def end(context: Context, session: Session) -> None:
 
 def _words(one: RecorderInfo) -> str:
     """Return how a recording stands, in the line that ends it."""
-    parts, size = many(one.parts + bool(one.part), "part"), size_text(one.size_bytes)
+    parts, size = many(one.parts + bool(one.part), "part"), size_text(size_of(one))
     if one.written_bytes > one.size_bytes:  # the oldest were deleted, as it was told to
-        parts, size = f"{parts} written", f"the newest {size} kept"
+        parts, size = f"{parts} written", f"the newest {size_text(one.size_bytes)} kept"
     elif one.keep_bytes:  # they are deleted while it is asked, too
         size += " so far"
     verb = f"Take recording '{one.name}' off the list" if one.state.over else f"Stop recording '{one.name}'"

@@ -90,7 +90,7 @@ class TriggerEditor(Form[TriggerOptions]):
             return "\n".join([CONDITION, *self._shorter(made)])
         tried = await self._session.tried(made)
         loop = self._session
-        slow = conditions.slow_words(made, loop.measured_hz, loop.status.frequency_hz) if loop.loop_slow else ""
+        slow = conditions.slow_words(made, loop.rate_hz, loop.status.frequency_hz)
         return "\n".join(
             [
                 *conditions.tried_lines(tried, self.told_width),
