@@ -14,6 +14,7 @@ from silo.core.elements import BufferType, Entry, LoggedEvent
 from silo.core.quantities.writing import wall_clock
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, stamped
 from silo.files.silo.writer import write_silo
+from silo.recordings.requests import SavedRecording
 from silo_tui.app import SiloApp
 from silo_tui.model.lists.happened import (
     MOST,
@@ -213,6 +214,8 @@ def test_rows_that_are_gone_are_told_with_the_file_that_has_them():
     mark, saved = event(), event("saved", "saved logs/x.silo (3 kB)", number=2)
     assert gone_words(mark, [mark, saved]) == "rows gone; saved logs/x.silo (3 kB)"
     assert "no save" in gone_words(mark, [mark])
+    files = [SavedRecording(f"at{at}", [], begun_ns=at, span_s=s) for at, s in ((1, 1e9), (mark.at_ns, 1), (9**19, 1))]
+    assert gone_words(mark, [mark, saved], files) == f"rows gone; at{mark.at_ns} has them"
     begun = replace(mark, kind="recording", number=mark.number - 1, text="recording 'demo' of all to /logs")
     part = replace(mark, kind="recording", number=mark.number + 1, text="recording 'demo': finished demo_1.mcap")
     assert gone_words(mark, [begun, mark, part]) == f"rows gone; {part.text}"
@@ -513,10 +516,18 @@ def test_the_keys_of_events_of_a_file_are_those_of_a_file(at_s, scope):
     assert EventsScreen(SimpleNamespace(at_s=at_s)).scope == scope
 
 
-async def test_the_list_shows_which_moments_are_overwritten_and_enter_says_which_file_has_them(fake, screen, ran_s=20):
+@pytest.mark.parametrize("about", ["", "/imu/temperature "])
+async def test_the_list_shows_which_moments_are_overwritten_and_enter_says_which_file_has_them(fake, opened, about):
+    longest = replace(fake.elements[0].options, size=4000 if not about else 40_000)
+    fake.elements[0] = replace(fake.elements[0], options=longest)  # an event that is about another one is gone before
+    async with opened(fake.run(20)) as screen:
+        await _look_for_what_is_gone(fake, screen, f"{about}old")
+
+
+async def _look_for_what_is_gone(fake, screen, told):
     await screen.do("set_marker")
-    await screen.enter("old")
-    await screen.until(lambda: [each for each in screen.session.happened if each.text == "old"], "the marker")
+    await screen.enter(told)
+    await screen.until(lambda: [each for each in screen.session.happened if each.text == told], "the marker")
     fake.advance(30.0)  # three times what the buffers hold
     await screen.until(lambda: screen.session.frame_time_ns == fake.now_ns, "what came since")
     await screen.do("set_marker")
@@ -524,9 +535,9 @@ async def test_the_list_shows_which_moments_are_overwritten_and_enter_says_which
     await screen.until(lambda: [each for each in screen.session.happened if each.text == "new"], "the marker")
     await screen.do("events", shows="× no longer in memory")
     listed = screen.app.screen
-    (old,) = [at for at, each in enumerate(listed.shown) if each.text == "old"]
+    (old,) = [at for at, each in enumerate(listed.shown) if each.text == told]
     (new,) = [at for at, each in enumerate(listed.shown) if each.text == "new"]
-    assert [line for line in screen.text.splitlines() if '"old"' in line and "×" in line[:3]]
+    assert [line for line in screen.text.splitlines() if f'"{told}"' in line and "×" in line[:3]]
     assert not [line for line in screen.text.splitlines() if '"new"' in line and "×" in line[:3]]
     listed.move(old)
     await screen.shows("held no more")

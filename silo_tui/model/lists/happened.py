@@ -15,6 +15,7 @@ from silo.core.elements import LoggedEvent
 from silo.core.episodes.words import said_by
 from silo.core.quantities.writing import wall_clock
 from silo.net.access.senders import short_words
+from silo.recordings.requests import SavedRecording
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
 from silo_tui.model.words.names import fitted_among
@@ -27,7 +28,8 @@ NAMES = {"M": "marker", "T": "trigger", "S": "start/stop", "E": "edit", "X": "lo
 EVENT_LINE = "╎"
 RANK = "XSTMEH"  # of several in one cell that one is shown which comes first
 MOST = 2000  # that a session keeps of limits, and as many of all else: a limit that flickers pushes nothing out
-_LIMITS = {"limit", "limit ended"}
+LIMITS = {"limit", "limit ended"}
+WRITTEN = {"saved", "captured", "recovered", "recording", "files deleted"}  # after which other files are there
 LONG = 24  # letters of a name that isn't shortened in a line
 FOLDED_FROM = 4  # a limit that is crossed, and left, twice
 
@@ -92,7 +94,7 @@ def folded(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
 
 def _about(event: LoggedEvent) -> str:
     """Return the signal whose limits it is about, or the recording of which it tells a part; empty for all else."""
-    if event.kind in _LIMITS:
+    if event.kind in LIMITS:
         return event.text.split(" ", 1)[0]
     recording, finished, _ = event.text.partition(": finished a part")
     return recording if finished and event.kind == "recording" else ""
@@ -102,7 +104,7 @@ def _fold(like: Sequence[LoggedEvent]) -> Sequence[LoggedEvent]:
     if len(like) < FOLDED_FROM:
         return like
     first, last = like[0], like[-1]
-    kind = "limit" if last.kind in _LIMITS else last.kind  # however the newest of them left it
+    kind = "limit" if last.kind in LIMITS else last.kind  # however the newest of them left it
     newest = last.text.replace(f", {last.times} times", "", 1)
     told = f"{len(like)} events in {text.span((last.clock_ns - first.clock_ns) / 1e9, 2)}: {newest}"
     return [structs.replace(last, kind=kind, text=told, number=first.number, times=len(like))]
@@ -118,7 +120,7 @@ def in_plots(
     found = [event for event in events if start_ns <= event.at_ns <= end_ns and event.kind in LETTERS]
     if names is None:
         return found
-    return [event for event in found if event.kind not in _LIMITS or _is_of(event, names)]
+    return [event for event in found if event.kind not in LIMITS or _is_of(event, names)]
 
 
 def _is_of(event: LoggedEvent, names: Collection[str]) -> bool:
@@ -132,7 +134,7 @@ def newest(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
     room = {True: MOST, False: MOST}
     kept = []
     for event in reversed(events):
-        is_limit = event.kind in _LIMITS
+        is_limit = event.kind in LIMITS
         if room[is_limit]:
             room[is_limit] -= 1
             kept.append(event)
@@ -230,8 +232,13 @@ def line(event: LoggedEvent, told: str, width: int, logger: str, names: tuple[st
     return f"{head}{told:<{max(1, room)}}  {who}"[:width]
 
 
-def gone_words(event: LoggedEvent, events: Sequence[LoggedEvent]) -> str:
-    """Return what to say of a moment whose rows are held no more: which file has them, if one was saved since."""
+def gone_words(event: LoggedEvent, events: Sequence[LoggedEvent], files: Sequence[SavedRecording] = ()) -> str:
+    """Return what to say of a moment whose rows are held no more: which of the `files` has them, the shortest of
+    several; where none are known to, what was saved since.
+    """
+    holding = [one for one in files if 0 < one.begun_ns <= event.at_ns <= one.begun_ns + one.span_s * 1e9]
+    if holding:
+        return f"rows gone; {min(holding, key=lambda one: one.span_s).stem} has them"
     later = [one for one in events if one.run == event.run and one.number > event.number]
     before = [one.text for one in events if one.run == event.run and one.number < event.number]
 

@@ -1,19 +1,22 @@
 """What happened: the event log of a logger, or of a file, newest first; Enter goes there in the plots."""
 
 import asyncio
+import math
 import re
 import time
 from collections.abc import Sequence
 
 from rich.text import Text
 
-from silo.core.elements import LoggedEvent
+from silo.core.elements import BufferType, LoggedEvent
 from silo.core.quantities.writing import many
+from silo.recordings.requests import SavedRecording
 from silo_tui.actions import Command, key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.lists import happened as rows
 from silo_tui.model.lists.conditions import MOST_PLOTS, named_in
 from silo_tui.model.lists.ordering import arranged
+from silo_tui.model.table.fields import Field
 from silo_tui.model.words.paths import typed_file
 from silo_tui.screens.dialogs.exporting import write_whole
 from silo_tui.screens.dialogs.questions import Prompt, ask_line
@@ -43,6 +46,9 @@ class EventsScreen(LoggerList[LoggedEvent]):
         self._long: tuple[str, ...] = ()
         self._run = ""  # the present one
         self._asked_s = 0.0  # when it was asked what the buffers hold
+        self._buffers_s: dict[str, float] = {}  # how long they hold what an event is about, known since then
+        self._saved: Sequence[SavedRecording] = ()
+        self._files = -1  # events of files, when it was asked what is saved
 
     def begin(self) -> None:
         """Ask what the buffers still hold."""
@@ -55,15 +61,24 @@ class EventsScreen(LoggerList[LoggedEvent]):
 
     def _ask_held(self) -> None:
         self._asked_s = time.monotonic()
+        self._buffers_s = {}
         if self.session.at_s is None and self.session.fresh:
             run_alone(self, "held", self._read_held)
 
     async def _read_held(self) -> None:
         await self.context.quietly(self.session.refresh_status())
+        files = sum(one.kind in rows.WRITTEN for one in self._known)
+        if files != self._files:
+            self._files = files
+            await self.context.quietly(self._read_saved())
         self.show()
 
+    async def _read_saved(self) -> None:
+        self._saved = (await self.session.recordings()).recordings
+
     def _is_gone(self, one: LoggedEvent) -> bool:
-        """Whether the rows of its moment are surely held no more: of another run, or older than all in the buffers.
+        """Whether the rows of its moment are surely held no more: of another run, or older than all in the buffers of
+        the signals that it is about, or in any where it is about none.
 
         What a plot below holds beside them is there.
         """
@@ -72,11 +87,31 @@ class EventsScreen(LoggerList[LoggedEvent]):
             return False
         if one.run and one.run != self._run:
             return True
-        held_ns = round(session.status.held_s * 1e9)
+        held_ns = round(min(session.status.held_s, self._holds_s(one)) * 1e9)
         plots = self._plots_below
         if plots is not None and plots.window.paused:
             held_ns = max(held_ns, session.status.last_tick_ns - plots.held_ns[0])
         return bool(session.status.last_tick_ns) and one.at_ns < session.status.last_tick_ns - held_ns
+
+    def _holds_s(self, one: LoggedEvent) -> float:
+        """Return how long the buffers hold one of the signals that an event is about; without end for none."""
+        about = one.text.split(" ", 1)[0] if one.kind in rows.LIMITS else one.text
+        if about not in self._buffers_s:
+            names = self._names_in(about)
+            self._buffers_s[about] = max(map(self._buffer_s, names), default=math.inf)
+        return self._buffers_s[about]
+
+    def _buffer_s(self, name: str) -> float:
+        """Return how long the buffer of an element is, of what is derived the shortest that it is computed from."""
+        table, rate_hz = self.session.table, self.session.rate_hz
+        row = table.row(name)
+        assert row is not None
+        if expression := table.elements[row].expression:
+            sources = named_in(expression, table.elements, table.prefix)
+            return min(map(self._buffer_s, sources), default=math.inf)
+        options = table.server[:, row]
+        loops = options[Field.BUFFER] == BufferType.LOOPING and rate_hz > 0
+        return float(options[Field.SIZE] * options[Field.DIVIDER]) / rate_hz if loops else math.inf
 
     @property
     def _plots_below(self) -> MonitorScreen | None:
@@ -149,7 +184,7 @@ class EventsScreen(LoggerList[LoggedEvent]):
         told = f"{rows.letter(one)} {kind}: {told}" if one is not None and kind else told
         told += f", by {who}" if one is not None and (who := self._who(one)) else ""
         if one is not None and self._is_gone(one):
-            told = f"{told} │ {GONE} {rows.gone_words(one, self._known)}"
+            told = f"{told} │ {GONE} {rows.gone_words(one, self._known, self._saved)}"
         return [told, f"{count}{follows}" if self.all else "nothing happened yet"]
 
     def follow(self, known: str, place: int | None) -> int | None:
@@ -208,9 +243,8 @@ class EventsScreen(LoggerList[LoggedEvent]):
             self.say("this happened before the first tick: no place in the plots")
             return
         if self._is_gone(event):
-            self.say(
-                f"no plot has it: {rows.gone_words(event, self._known)}; {key_of('recordings')} lists what is saved"
-            )
+            gone = rows.gone_words(event, self._known, self._saved)
+            self.say(f"no plot has it: {gone}; {key_of('recordings')} lists what is saved")
             return
         named, plots = self._named(event), self._plots_below
         if plots is not None and named and not {each.element.name for each in plots.stack.plots} & set(named):
@@ -231,7 +265,10 @@ class EventsScreen(LoggerList[LoggedEvent]):
 
     def _named(self, event: LoggedEvent) -> list[str]:
         """Return the elements that it or its trigger names."""
-        session, words_of_it = self.session, re.split(r"[\s,;'\"()]+", event.text)
+        return self._names_in(event.text)
+
+    def _names_in(self, told: str) -> list[str]:
+        session, words_of_it = self.session, re.split(r"[\s,;'\"()]+", told)
         table, named = session.table, [one.options.when for one in session.triggers if one.options.name in words_of_it]
         named += [word for word in words_of_it if word.startswith("/")]
         found = [name for each in named for name in named_in(each, table.elements, table.prefix)]
