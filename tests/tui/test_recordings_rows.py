@@ -4,7 +4,7 @@ from datetime import datetime
 
 import pytest
 
-from silo.core.elements import FileType
+from silo.core.elements import FileType, LoggedEvent
 from silo.recordings.requests import RecordingFile, SavedRecording
 from silo_tui.model.lists import recordings as rows
 from silo_tui.model.lists.ordering import arranged, passes
@@ -90,6 +90,22 @@ def test_rows_have_the_width_of_the_screen_and_the_titles_stand_over_them():
 def test_a_recording_of_an_own_clock_is_dated_by_its_file():
     assert rows.begun_ns(one(begun_ns=5)) == BEGIN
     assert rows.begun_ns(one(begun_ns=BEGIN + 7)) == BEGIN + 7
+
+
+@pytest.mark.parametrize(
+    ("told", "marks"),
+    [
+        ({"why": "recording demo"}, "M2"),  # of the four below those within
+        ({"why": "recording demo", "span_s": 0.0}, "M"),
+        ({"why": "saved", "markers": 1}, "M"),  # as its file says
+        ({"why": "trigger fall"}, "T"),
+    ],
+)
+def test_marks_stand_beside_what_they_lie_in(told, marks):
+    places = [("marker", -1), ("marker", 0), ("marker", 2 * 10**9), ("stopped", 10**9), ("marker", 3 * 10**9)]
+    events = [LoggedEvent(kind, "push", BEGIN, 1, BEGIN + at_ns) for kind, at_ns in places]
+    (marked,) = rows.with_markers([one(**{"begun_ns": BEGIN, "span_s": 2.0, **told})], events)
+    assert rows.marks_text(marked) == marks
 
 
 def test_a_date_has_a_year_where_it_is_of_another_one():

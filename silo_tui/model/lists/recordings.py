@@ -9,7 +9,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from silo.core.elements import ROBOT_PROGRAM
+from msgspec.structs import replace
+
+from silo.core.elements import ROBOT_PROGRAM, LoggedEvent
 from silo.core.names import grouped
 from silo.core.quantities.writing import EPOCH_FROM_NS, size_text
 from silo.files.formats import FORMATS, SAVED
@@ -105,6 +107,17 @@ def saves_of_parts(found: Sequence[SavedRecording]) -> dict[str, PartSave]:
             if part and len(stems) > 1:
                 told |= {stem: PartSave(part, number, len(stems)) for number, stem in enumerate(stems, 1)}
     return told
+
+
+def with_markers(found: Sequence[SavedRecording], events: Sequence[LoggedEvent]) -> list[SavedRecording]:
+    """Return them, parts of endless recordings with those markers of `events` that lie in them."""
+    markers = [one.at_ns for one in events if one.kind == "marker"]
+
+    def within(one: SavedRecording) -> int:
+        return sum(one.begun_ns <= at_ns <= one.begun_ns + one.span_s * 1e9 for at_ns in markers)
+
+    is_part = [one.why.startswith("recording ") and not one.markers for one in found]
+    return [replace(one, markers=within(one)) if part else one for one, part in zip(found, is_part, strict=True)]
 
 
 def marks_text(one: SavedRecording) -> str:

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from msgspec.structs import replace
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.widgets import Static
@@ -132,7 +133,8 @@ class RecordingsScreen(LoggerList[SavedRecording], ComparesTwo[SavedRecording]):
                 self._asking = False
                 self.say(f"the list can't be read: {error}")
                 return
-            self.found = found
+            marked = rows.with_markers(found.recordings, self.session.happened)
+            self.found = replace(found, recordings=marked)
             self._asking = False
             self.show()
             if not any(one.unread for one in found.recordings):
