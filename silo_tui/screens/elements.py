@@ -303,7 +303,7 @@ class ElementsScreen(SiloScreen):
             if len(found) > 1:
                 self.say(f"the first of {len(found)} that have {name!r}; {key_of('filter')} {name} shows all")
         if not rows.move_to_row(row):
-            rows.set_filter("")
+            self._filter_by("")
             rows.move_to_row(row)
 
     def command_sort(self, typed: Spelled = BY_KEY) -> None:
@@ -493,7 +493,7 @@ class ElementsScreen(SiloScreen):
         elif rows.anchor is not None:
             rows.anchor = None
         elif rows.filter.text:
-            rows.set_filter("")
+            self._filter_by("")
         elif rows.marked_count:
             rows.clear_marks()
         elif self.context.tour is not None:
@@ -531,7 +531,10 @@ class ElementsScreen(SiloScreen):
             self._filter_by("")
 
     def _filter_by(self, words: str) -> None:
+        before = self.session.rows.filter.quantities
         self.session.rows.set_filter(words)
+        if self.session.rows.filter.quantities != before:
+            self._lay_out(self.app.size.width)
         self.table_changed()
         self._show_filter()
 

@@ -139,11 +139,13 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
 
     @property
     def _offered(self) -> list[TableColumn]:
-        """The columns of the set, and that of the order: nobody sees by what rows are ordered without it."""
+        """The columns of the set, and those of order and filter: nobody sees by what rows are ordered without them."""
+        filtered_by = self.rows.filter.quantities
 
         def is_wanted(column: TableColumn) -> bool:
-            if column.gives(self.rows.sort) or not in_set(column, self.column_set, wide=self._wide):
-                return column.gives(self.rows.sort)
+            asked = column.gives(self.rows.sort) or any(each.quantity in filtered_by for each in column.orders)
+            if asked or not in_set(column, self.column_set, wide=self._wide):
+                return asked
             chosen = self.chosen_columns or [column.title]
             return column.measured or (column.title in chosen and not (self._bare and column is not self._known[0]))
 

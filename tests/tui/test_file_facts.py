@@ -190,8 +190,12 @@ async def test_every_measured_term_is_answered_from_the_file(screen):
     ):  # fmt: skip
         await screen.enter(f"/{words}")
         await screen.until(lambda found=found: " ".join(order(screen)) == found, words)
+        head = screen.text.splitlines()[1]
+        assert " at 9.99 s" in head  # the column of values
+        assert any(each in head for each in ("max", "rate", "std")) == words.startswith(("max", "rate", "-alarm"))
         await screen.press("escape")
         assert len(order(screen)) == 4
+        assert " at 9.99 s" not in screen.text.splitlines()[1]
 
 
 async def test_terms_follow_the_cursor_of_the_plots(screen):

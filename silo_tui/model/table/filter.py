@@ -82,9 +82,14 @@ class Filter(msgspec.Struct, frozen=True):
     places: tuple[tuple[int, int], ...] = ()
 
     @property
+    def quantities(self) -> frozenset[str]:
+        """What it asks for of what is measured."""
+        return frozenset[str]().union(*(condition.quantities for condition in self.conditions))
+
+    @property
     def measured(self) -> bool:
         """Whether it asks for what is measured, so that rows come and go by themselves."""
-        return any(condition.quantities for condition in self.conditions)
+        return bool(self.quantities)
 
     def mask(self, table: TableState, marked: Mask) -> Mask:
         """Return shape `(n,)`: the elements that pass every term.

@@ -181,10 +181,7 @@ class RowList:
 
     def wanted(self) -> set[str]:
         """Return the quantities that have to be surveyed of all elements for filter, order and signs."""
-        quantities = {"signs"}
-        for condition in self.filter.conditions:
-            quantities |= condition.quantities
-        return quantities | ({self.orders[self.sort].quantity} - {""})
+        return {"signs"} | self.filter.quantities | ({self.orders[self.sort].quantity} - {""})
 
     @property
     def is_measured(self) -> bool:

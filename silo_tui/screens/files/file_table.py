@@ -34,7 +34,8 @@ class FileTableScreen(ElementsScreen):
     def lay_out_table(self, width: int, rest: int) -> None:
         """Show values and trends where there is room: the inspector has the value too, and a plot."""
         room = rest >= VALUES
-        few = self.table.column_set != "values" or (self.session.rows.live and not room)
+        rows = self.session.rows
+        few = self.table.column_set != "values" or ((rows.live or rows.filter.measured) and not room)
         self.table.lay_out(12 if room else 8 * few, trend=room, bare=few)  # beside states, which leave room
 
     def request_view(self) -> None:
