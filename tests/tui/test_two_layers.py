@@ -371,6 +371,7 @@ async def test_the_bar_of_a_list_says_what_esc_takes_away_first(fake, opened):
         for scope in ("alarms", "settings"):
             await screen.do(scope)
             await screen.until(lambda: "Esc Back" in bar(screen), "the list")
+            assert ("D Delete" in bar(screen)) == (scope == "alarms")
             screen.app.screen.filter_by("e")
             await screen.until(lambda: "Esc No filter" in bar(screen), "its filter")
             await screen.press("escape")
@@ -384,9 +385,11 @@ async def test_enter_is_no_key_of_a_trigger_without_a_capture(fake, opened):
     fake.trigger_statuses = [FALL, replace(FALL, options=replace(FALL.options, name="last"), files=("/r/last_1.silo",))]
     async with opened(fake) as screen:
         await screen.do("triggers")
-        await screen.until(lambda: "r t Arm/Off" in bar(screen) and "Last capture" not in bar(screen), "its bar")
+        await screen.until(lambda: "r t Arm/Off" in bar(screen) and "Open last" not in bar(screen), "its bar")
+        assert "D Delete" in bar(screen)
         await screen.press("down")
-        await screen.until(lambda: "Enter Last capture" in bar(screen), "that of the other")
+        await screen.until(lambda: "Enter Open last" in bar(screen), "that of the other")
+        assert "D Delete" in bar(screen)
 
 
 async def test_the_bar_says_what_is_done_again_where_there_is_room(screen, size=(160, 50)):
