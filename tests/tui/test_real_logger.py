@@ -7,6 +7,7 @@ import pytest
 
 import silo
 from silo_tui.app import SiloApp
+from silo_tui.screens.lists.loggers import WAITING
 from silo_tui.sessions.finder import ClientFinder
 
 pytestmark = pytest.mark.slow
@@ -52,6 +53,14 @@ async def test_a_real_logger_is_found_watched_stopped_edited_and_started(logger,
         await screen.press("d", "5", "enter", "a", shows="Apply and go on")
         await screen.press("a", shows="it goes on")
         assert (logger.elements[0].options.divider, logger._present.number, logger.is_running) == (5, began, True)
+
+
+def test_what_the_start_page_tells_to_write_runs_as_it_is_shown(runtime_folder, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    written: dict = {}
+    exec(WAITING.partition("its loop:\n")[2].partition("{saved}")[0], written)
+    with written["log"], silo.Client.connect("arm") as client:
+        assert client.status().frequency_hz == 500
 
 
 async def test_an_element_that_could_not_be_read_says_so_in_the_inspector(tmp_path, runtime_folder, screen_of):

@@ -31,10 +31,9 @@ WAITING = """No logger is running for this user on this computer; looking again 
 Press {demo} for the demo, a simulated legged robot, or start one:
     silo demo          the same in a terminal of its own
     silo host          this computer: load, memory, temperatures
-    your own program   two lines of Python, before its loop:
+    your own program   with a line of Python, before its loop:
 
-    log = silo.Logger("arm", frequency=500)
-    log.serve()
+import silo; log = silo.Logger("arm", frequency=500); log.serve()
 
 {saved}{quit} quits."""
 # where one looks for what was saved, and its name; the second is that of the demo
