@@ -267,9 +267,11 @@ async def test_moments_of_several_signals_at_one_time_are_each_gone_to_and_two_c
         await screen.until(lambda: "slope/s" not in screen.text, "the table to go")
 
 
-async def test_a_boolean_goes_from_change_to_change_without_a_search_and_its_lane_can_t_be_joined(monitor):
+async def test_a_boolean_goes_from_change_to_change_once_that_is_looked_for_and_its_lane_can_t_be_joined(monitor):
     async with monitor("LF/contact", "LF/torque") as (screen, shown):
-        await screen.do("home", "next_found")
+        await screen.do("home", "next_found", shows="f first: type what to look for; ] then goes on from there")
+        assert (shown.file.time_ns, shown.search.found) == (START_NS, None)
+        await screen.do("find", "c", "enter")
         await screen.until(lambda: shown.file.time_ns == START_NS + STEP_NS, "the first edge")
         await screen.shows("true at")
         await screen.do("join_plots", shows="lanes stay alone")

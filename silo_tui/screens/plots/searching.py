@@ -20,7 +20,6 @@ from silo_tui.modal import ask, run_alone, run_aside
 from silo_tui.model.drawing.plots import Plotted
 from silo_tui.model.lists.happened import gone_words, words
 from silo_tui.model.plots.limits import inner
-from silo_tui.model.plots.panels import CurveKind, kind_of
 from silo_tui.model.samples.find import EVENTS, LETTERS, Moment, Search, What, happened, neighbour
 from silo_tui.model.samples.live import Reading, value_words
 from silo_tui.model.samples.source import HeldRows
@@ -311,18 +310,17 @@ class MomentSearch:
         run_alone(self.screen, "find", self._search, search, 0)
 
     def command_find_on(self, step: int) -> None:
-        """Go on with the search; without one to the highest and lowest number, or the change next to here."""
+        """Go on with the search; without one say how one begins."""
         if self._is_nothing_plotted():
             return
-        self.screen.pause_here()
-        if self.found is not None:
-            run_alone(self.screen, "find", self._search, self.found.search, step)
+        if self.found is None:
+            on = key_of("next_found" if step > 0 else "previous_found")
+            self.screen.say(f"{key_of('find')} first: type what to look for; {on} then goes on from there")
             return
-        curve = kind_of(self.screen.stack.chosen_plot) is CurveKind.CURVE
-        what = (What.HIGHEST if step > 0 else What.LOWEST) if curve else What.CHANGE
-        run_alone(self.screen, "find", self._search, Search(what), 0 if curve else step, keep=False)
+        self.screen.pause_here()
+        run_alone(self.screen, "find", self._search, self.found.search, step)
 
-    async def _search(self, search: Search, step: int, *, keep: bool = True) -> None:
+    async def _search(self, search: Search, step: int) -> None:
         await self.screen.pause.settled()
         plots = self.screen.stack.plots if search.everywhere else [self.screen.stack.chosen_plot]
         plots = plots if not search.condition else []
@@ -339,8 +337,7 @@ class MomentSearch:
             except SiloError as error:
                 self.screen.say(f"{search.words}: {error}")
                 return
-        if keep:
-            self.found = found
+        self.found = found
         await self._go_to_found(found, step, search.words, ("next_found", "previous_found"))
 
     async def _go_to_found(self, found: SearchResult, step: int, words: str, others: tuple[str, str]) -> None:
