@@ -45,6 +45,7 @@ STEPS = (
 SLOWEST_HZ = 0.5
 RATE_S = 3.0  # over which the rate of paints is measured
 BELOW = 0.8  # of the wished rate: less is told; timers are not that exact
+WHOLE = 0.95  # of the wished rate: nothing is missed
 TOLD_S = 10.0  # so long it goes on to be told: words in the head that come and go with each second move the others
 
 
@@ -71,8 +72,9 @@ class Painted:
 
     @property
     def words(self) -> str:
-        """`1.2 of 5 Hz` where that is less than wished, or was a moment ago; empty else, and until enough was seen."""
-        if not self._asked_s or self._asked_s[-1][0] > self._below_s + TOLD_S:
+        """`1.2 of 5 Hz` where that is less than wished, or was too little a moment ago; empty until enough was seen."""
+        is_whole = self._hz >= WHOLE * self._wished_hz
+        if not self._asked_s or is_whole or self._asked_s[-1][0] > self._below_s + TOLD_S:
             return ""
         return f"{self._hz:.1f} of {text.short(self._wished_hz, 2)} Hz"  # as wide as before: it stands in a line
 

@@ -429,8 +429,11 @@ def test_nothing_is_told_of_a_rate_before_it_was_measured():
         found.note(5.0, painted=False, now_s=tick / 5)
     assert found.words == "0.0 of 5 Hz"
     for tick in range(50):  # it is told for a moment more, as what comes and goes is no sign of anything
-        found.note(5.0, painted=True, now_s=10 + tick / 5)
-    assert found.words == "5.0 of 5 Hz"
+        found.note(5.0, painted=tick % 10 != 0, now_s=10 + tick / 5)
+    assert found.words == "4.7 of 5 Hz"
+    for tick in range(17):  # but not of one at which nothing is missed
+        found.note(5.0, painted=True, now_s=16.8 + tick / 5)
+    assert found.words == ""
     for tick in range(50):
         found.note(5.0, painted=tick < 40, now_s=20 + tick / 5)
     assert found.words == "1.9 of 5 Hz"
