@@ -155,7 +155,7 @@ _BAR = (  # r; what stands in a menu
     "space enter r; m plus minus h,left pageup pagedown end slash p e g v r o a u S w D full_stop escape"
 )
 _GIVES_WAY = (
-    "full_stop add_plot o minus plus end pagedown pageup h,left w D v detail r monitor mark S space save_data u m "
+    "full_stop add_plot o minus plus end pagedown pageup w D v detail r monitor mark S space save_data u m h,left "
     "pause slash trigger_remove alarm_remove e p escape turn_down g r; enter closer a"
 )
 BASES: dict[str, Mapping[str, str]] = {"two-layer": TWO_LAYERS, "classic": {}}

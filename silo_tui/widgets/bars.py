@@ -15,7 +15,7 @@ from textual.widget import Widget
 
 from silo.core.elements import State, is_stalled
 from silo.core.quantities.writing import duration_text, idle_words
-from silo_tui.actions import BY_ID, Command, commands_for, key_of, key_text, key_that_retries, with_keys
+from silo_tui.actions import BY_ID, KEY_TEXTS, Command, commands_for, key_of, key_text, key_that_retries, with_keys
 from silo_tui.keymap import in_bar
 from silo_tui.model.lists import recorders
 from silo_tui.model.lists.conditions import head_words
@@ -386,7 +386,7 @@ class KeyBar(Guarded, Widget):
         key_color = color(self.app.theme_variables, "primary")
         word = Text(command.footer_key, style=f"bold {key_color}" if not self.app.no_color else "bold")
         other, _, label = command.label.partition(" ")  # one entry may be of two keys: `+ - Zoom`
-        if label and not other[0].isalnum():
+        if label and (not other[0].isalnum() or other in KEY_TEXTS.values()):
             word.append(f" {other}")
         else:
             label = command.label

@@ -18,13 +18,13 @@ TABLE = [
     (("inspector",), ("S Stop", "Esc Close", "g Go")),
 ]
 PLOTS = [
-    ((), ("space Pause", "S Stop", "r Rec", "Esc Back")),
+    ((), ("space Pause", "←→ PgUp Earlier", "Esc Back")),
     (("cursor_left",), ("←→ Cursor", "Esc No cursor", "space Pause")),
     (("pause",), ("space Go on", "←→ Cursor", "Esc Live")),
     (("cursor_left", "pause"), ("space Go on", "←→ Cursor", "Esc No cursor")),
     (("pause", "cursor_b"), ("space Go on", "←→ Cursor", "Esc No B")),
     (("earlier",), ("←→ Cursor", "Esc Live")),
-    (("detail",), ("space Pause", "Esc Back")),
+    (("detail",), ("space Pause", "←→ PgUp Earlier", "Esc Back")),
     (("detail", "cursor_left"), ("←→ Cursor", "Esc No cursor")),
 ]
 KINDS = {"over time": "t", "spectrum": "s", "histogram": "h"}

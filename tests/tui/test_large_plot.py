@@ -339,7 +339,7 @@ async def test_what_is_computed_goes_on_with_the_robot_until_it_is_held(fake, op
 
 async def test_a_cursor_is_offered_only_where_one_is_and_the_key_that_led_here_says_that_this_is_it(screen, ran_s=20):
     await open_large(screen)
-    await screen.shows("←→ Cursor")
+    await screen.shows("←→ PgUp Earlier")
     await screen.press("enter", shows="this is the large plot already: Esc leaves it")
     for keys in (["tab"], ["tab", "tab"]):  # one over the other, a histogram
         await screen.press(*keys)

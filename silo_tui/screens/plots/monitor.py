@@ -26,6 +26,7 @@ OF_PLOTS = {
 
 JOINED_NAME = 10  # cells of a name in the menu
 ROOMY = 110  # cells in which keys have longer words
+TO_BEFORE = ("earlier", "cursor_left")
 OF_LATER = ("later", "newest")
 OF_WHAT_GOES_ON = {"all_entries": "plots them", "next_entry": "goes on to it"}
 
@@ -334,6 +335,8 @@ class MonitorScreen(PlotScreen):
         still = self.window.paused
         if command.id == "earlier" and still and self.end_ns - self.window.span_ns <= self.held_ns[0]:
             return ""
+        if command.id in TO_BEFORE and not still and self.size.width < ROOMY and self.stack.display:
+            return f"{key_of('earlier')} Earlier" if command.id == "cursor_left" else ""  # one entry for both has room
         if command.id in OF_LATER and not (self._looking_back or (still and self.end_ns < self.held_ns[1])):
             return ""
         return "" if command.id == "arrange_plots" and len(self.stack.plots) < 2 else super().label_now(command)
