@@ -23,6 +23,7 @@ from silo_tui.unforeseen import Guarded
 DRAWN_AFTER_S = 0.25
 DRAWN_AFTER_THIN_S = 0.6
 NOT_AGAIN = ("load_script", "load_preset", "load_into_loggers", "save_script", "control")
+LINES, ARROWS = ("filter", "list_filter", "command"), ("up", "down", "left", "right")
 MOST_ROWS = 7
 LEAST_COLUMN = 24
 LEAST_NAME = 12  # cells
@@ -42,6 +43,7 @@ class MenuReader:
         self._on: SiloScreen | None = None
         self._timer: Timer | None = None
         self._lines: MenuLines | None = None  # where it is drawn
+        self._refused = False  # whether an entry can't be done now
 
     def takes(self, typed: events.Key | events.Paste) -> bool:
         """Carry out what was typed, where it is a key of a full screen; False: it is for what has the focus."""
@@ -67,7 +69,7 @@ class MenuReader:
     def open(self, menu: str) -> None:
         """Open a menu; it is drawn where nothing follows."""
         self.close()
-        self._menu, self._on = menu, self._app.screen
+        self._menu, self._on, self._refused = menu, self._app.screen, False
         self._timer = self._app.set_timer(DRAWN_AFTER_S if self._is_fast() else DRAWN_AFTER_THIN_S, self.draw)
 
     def close(self) -> None:
@@ -92,9 +94,8 @@ class MenuReader:
         if entries is None and back is not None and back.id in MENUS:
             screen.action_command(back.id)
             return
-        lines = ("filter", "list_filter", "command")
-        to_line = back is not None and back.id in lines  # who types one may not know that a refusal left the menu open
-        if entries is None and back is not None and to_line:
+        leaves = back is not None and (back.id in LINES or (self._refused and key in ARROWS))
+        if entries is None and back is not None and leaves:  # one may not know that a refusal left the menu open
             self.close()
             screen.action_command(back.id)
             return
@@ -109,6 +110,7 @@ class MenuReader:
         if self._lines is None or not why:  # who reads the menu may pick another entry
             self.close()
         if why:
+            self._refused = True
             # the menu leaves one row to read, for the sentence, its beginning, or a few words
             few, *told = (f"{path} ({command.label}): {words}" for words in (why[0], why[1], why[1].partition(";")[0]))
             fits = (words for words in told if self._lines is None or cell_len(words) <= self._app.size.width - 2)

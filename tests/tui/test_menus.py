@@ -108,6 +108,8 @@ def test_a_letter_that_is_in_no_menu_leaves_it_open(reading):
     reading.typed("e", "Q")
     assert reading.refusals == 1
     assert reading.sheet.told[-1] == "Q is not in the menu; Esc leaves it"
+    reading.typed("down")
+    assert reading.sheet.told[-1] == "↓ is not in the menu; Esc leaves it", "nothing of it was refused"
     assert reading.sheet.lines and reading.sheet.covered, "one row of what is said stays"
     assert reading.sheet.in_bar == "a letter Does what stands behind it  Esc Leaves the menu"
     reading.typed("t")
@@ -331,13 +333,16 @@ async def test_a_word_typed_where_its_letters_mean_nothing_gives_no_commands_by_
 
 
 @pytest.mark.slow
-async def test_a_filter_that_is_typed_behind_a_refused_entry_is_a_filter(fake, opened):
+async def test_a_filter_that_is_typed_behind_a_refused_entry_is_a_filter_and_an_arrow_moves_on(fake, opened):
     use_keys("two-layer", {})
     async with opened(fake.run()) as screen:
         await screen.press("v", shows="Esc Leaves the menu")
         await screen.press("u", shows="none marked")
         await screen.press("slash", *"torque", "enter")
         await screen.until(lambda: screen.session.rows.filter.text == "torque", "what was typed as a filter")
+        await screen.press("v", shows="Esc Leaves the menu")
+        await screen.press("u", shows="none marked")
+        await screen.press("down", shows=">LF/HFE/torque")
 
 
 @pytest.mark.parametrize("ways", [("gs", "gl"), ("gs", "gl", "gm"), ("ge", "gl"), ("gl",)])
