@@ -80,8 +80,8 @@ async def test_samples_holes_and_the_highest_are_few_keys_away_and_exact_and_ste
         await screen.until(lambda: shown.file.time_ns == START_NS + STEP_NS, "the second sample")
         await screen.do("home", "next_event", shows="1 s without sample")
         assert shown.file.time_ns == START_NS + 2999 * STEP_NS
-        await screen.do("find", "n", "enter", shows="nan or inf: none in 11 s held")
-        await screen.do("find", "t", "enter", shows="trigger fired: none in 11 s held")
+        await screen.do("find", "n", "enter", shows="nan or inf: none in 11 s held of /LF/torque")
+        await screen.do("find", "t", "enter", shows="trigger fired: none in 11 s held ")
         await screen.do("find", "h", "enter", shows="highest in /LF/torque, 1 of 1: 40")
         assert shown.file.time_ns == START_NS + 2345 * STEP_NS
         assert shown.window.cursor is not None

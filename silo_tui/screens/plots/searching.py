@@ -56,11 +56,11 @@ class SearchResult:
     before: int = 0
     partly: str = ""
 
-    def none(self) -> str:
-        """Return what to say when nothing was found."""
+    def none(self, of: str = "") -> str:
+        """Return what to say when nothing was found, `of` what."""
         if not self.held_s and self.partly:
             return f"{self.search.words}: none, {self.partly}"
-        words = f"{self.search.words}: none {self.looked_through}"
+        words = f"{self.search.words}: none {self.looked_through}{of}"
         return f"{words}; not looked through further: {self.partly}" if self.partly else words
 
     @property
@@ -343,7 +343,9 @@ class MomentSearch:
     async def _go_to_found(self, found: SearchResult, step: int, words: str, others: tuple[str, str]) -> None:
         """Go to a moment, and tell it, with the keys of the commands that go to `others`."""
         if not found.moments:
-            self.screen.say(found.none())
+            names = () if found.search.what in LETTERS else found.names  # what happened is of none
+            one = "".join(f" of {self.screen.session.short_name(each)}" for each in names)
+            self.screen.say(found.none(f" of {len(names)} signals" if len(names) > 1 else one))
             return
         before, last = self._last
         place = found.place(self.screen.now_ns, step, last if before == found else None)
