@@ -609,7 +609,9 @@ class Pause:
         if longest is None or self._span_ns(longest) >= self._live.end_ns - self._session.status.started_ns:
             return ""
         options, name = longest.options, self._session.short_name(longest.name)
-        holds, buffer = text.span(self._span_ns(longest) / SECOND_NS, 2), phrase_for(Field.BUFFER, options.buffer)
+        begin_ns, end_ns = self.held_ns(plots)
+        span_ns = max(self._span_ns(longest), end_ns - begin_ns)  # a loop that is slower fills a buffer in more time
+        holds, buffer = text.span(span_ns / SECOND_NS, 2), phrase_for(Field.BUFFER, options.buffer)
         return f"{name} holds {holds} (buffer {buffer} {options.size} at divider {options.divider})"
 
     def _longest(self, plots: Sequence[Plotted]) -> ElementInfo | None:

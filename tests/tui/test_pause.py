@@ -309,6 +309,7 @@ async def test_buffers_that_hold_more_than_they_were_asked_to_are_looked_back_in
     half_ns = 2 * 10**9
     await screen.until(lambda: window.paused and window.paused_end_ns < fake.now_ns - half_ns, "half a window back")
     assert "oldest" not in screen.text
+    await screen.press(*["pageup"] * 3, shows="torque holds 10 s (buffer")  # not the 4 s that it was asked for
 
 
 async def test_a_spike_of_one_sample_shows_in_what_is_pinned_at_every_zoom_fetched_or_not(screen, ran_s=61):
