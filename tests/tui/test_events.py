@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from silo.conditions.standing import TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
-from silo.core.elements import BufferType, Entry, LoggedEvent
+from silo.core.elements import GOES_ON, BufferType, Entry, LoggedEvent
 from silo.core.quantities.writing import wall_clock
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, stamped
 from silo.files.silo.writer import write_silo
@@ -111,6 +111,7 @@ def test_control_characters_stay_off_the_screen():
 def test_an_event_has_the_cell_of_its_column():
     found = columns_of([event(at_ns=95), event("lost", at_ns=10), event("saved", at_ns=50)], 10, 10, 5)
     assert found == {4: "M", 0: "X"}
+    assert columns_of([event("started", GOES_ON, at_ns=95)], 10, 10, 5) == {4: "E"}  # by what an edit is applied
 
 
 def test_of_several_events_in_a_cell_the_rarer_one_is_shown_whatever_came_last():

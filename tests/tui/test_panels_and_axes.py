@@ -62,6 +62,18 @@ def test_letters_leave_a_cell_beside_the_words_of_the_axis():
     assert re.findall(r"[TA] ?[\d.]+ s ?[TA]", line) == re.findall(r"[TA] [\d.]+ s [TA]", line) != []
 
 
+@pytest.mark.parametrize(
+    ("width", "events", "told"),
+    [
+        (20, {3: "E"}, "   E edit           "), (20, {12: "S"}, "            S       "),
+        (20, {3: "H", 9: "H", 12: "E"}, "   H     H  E edit  "), (20, {2: "E", 3: "S"}, "  ES                "),
+        (22, {2: "E", 3: "E", 10: "S"}, "  EE edit S start/stop"), (20, {15: "E"}, "               E    "),
+    ],
+)  # fmt: skip
+def test_what_a_letter_is_stands_behind_it_once_where_there_is_room(width, events, told):
+    assert axis_line(width, (), (), events) == told
+
+
 def test_the_last_plot_joins_with_the_one_above():
     assert names(join(stacked([A, B, C]), 2)) == ["/a", "/b/c"]
 

@@ -11,7 +11,7 @@ from datetime import datetime, timezone
 
 from msgspec import structs
 
-from silo.core.elements import LoggedEvent
+from silo.core.elements import GOES_ON, LoggedEvent
 from silo.core.episodes.words import said_by
 from silo.core.quantities.writing import wall_clock
 from silo.net.access.senders import short_words
@@ -35,8 +35,11 @@ FOLDED_FROM = 4  # a limit that is crossed, and left, twice
 
 
 def letter(event: LoggedEvent) -> str:
-    """Return the letter of its kind; a space for what is no matter of the data (a save, a journal)."""
-    return LETTERS.get(event.kind, " ")
+    """Return the letter of its kind; a space for what is no matter of the data (a save, a journal).
+
+    A cut is how an edit is applied, and no start.
+    """
+    return "E" if event.text == GOES_ON else LETTERS.get(event.kind, " ")
 
 
 def words(event: LoggedEvent, shown: Callable[[str], str] = str) -> str:
@@ -148,7 +151,7 @@ def columns_of(events: Sequence[LoggedEvent], end: int, column_ns: int, width: i
         if event.kind in LETTERS:
             cell = width - 1 - (end - 1 - event.at_ns // column_ns) // 2
             if 0 <= cell < width:
-                found[cell] = min(found.get(cell, "H"), LETTERS[event.kind], key=RANK.index)
+                found[cell] = min(found.get(cell, "H"), letter(event), key=RANK.index)
     return found
 
 

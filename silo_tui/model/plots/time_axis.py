@@ -11,7 +11,7 @@ from silo.core.quantities.reading import seconds_of
 from silo.core.quantities.writing import EPOCH_FROM_NS
 from silo_tui.model.drawing import axes
 from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
-from silo_tui.model.lists.happened import RANK
+from silo_tui.model.lists.happened import NAMES, RANK
 from silo_tui.model.words import text
 
 MOMENTS = "-3s from the end, 12.5, +2s from the cursor, 13:07:32.5"
@@ -26,7 +26,7 @@ def axis_line(
     width: int, words: Iterable[tuple[float, str]], cursors: Iterable[tuple[int, str]], events: Mapping[int, str]
 ) -> str:
     """Return the line, of words at their shares of the way from left to right; letters take the nearest empty cell,
-    the rarer events first, limits none but their own.
+    the rarer events first, limits none but their own; what they are stands behind, where there is room.
     """
     line = [" "] * width
     for share, word in words:
@@ -38,7 +38,12 @@ def axis_line(
     for cell, sign in [*cursors, *sorted(events.items(), key=lambda letter: RANK.index(letter[1]))]:
         if (free := _free_cell(line, cell, 0 if sign == "H" else FAR)) is not None:
             line[free] = sign
-    return "".join(line).replace(NO_BREAK, " ")
+    told = "".join(line)
+    for sign in sorted(set(events.values()), key=RANK.index):  # in words once, at the newest that has room
+        word = f" {NAMES[sign].partition(',')[0]}"
+        for found in [*re.finditer(rf"(?<![^ {NO_BREAK}{sign}]){sign}(?= {{{len(word)}}}(?: |$))", told)][-1:]:
+            told = told[: found.end()] + word + told[found.end() + len(word) :]
+    return told.replace(NO_BREAK, " ")
 
 
 def axis_words(window: PlotWindow, newest_ns: int, columns: int) -> list[tuple[float, str]]:
