@@ -264,6 +264,7 @@ PARAMETER = "parameter"  # of one that tells what parameters were, or became
 NOTED = (MARKER, PARAMETER)  # what the program notes in its segment
 SEEN = ("triggered", "captured", "limit", "limit ended")  # kinds of what is seen in samples, and told once it is judged
 TOLD_LATE_NS = 60_000_000_000  # so late is told, at most, what was before something else that is told already
+LATE_NS = 1_000_000_000  # what no sample tells is told when it is; told so much after the newest tick, none comes
 SEEN_LATE_NS = 3600_000_000_000  # told so much after its tick by the logger's clock: that clock isn't the wall's
 ROBOT_PROGRAM = "the robot program"  # who it was, where no client asked for it
 DAMAGED = "damaged"  # that of one in place of lines of the event log that can't be read
@@ -300,9 +301,9 @@ class LoggedEvent(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @property
     def clock_ns(self) -> int:
-        """When it was, by the wall clock: of what was seen in samples that of its tick, else when it was told."""
-        is_of_tick = self.kind in SEEN and 0 <= self.time_ns - self.stamp_ns < SEEN_LATE_NS
-        return self.stamp_ns if is_of_tick else self.time_ns
+        """When it was, by the wall clock: at its tick, as in plots; what was told long after that, when it was told."""
+        late_ns = self.time_ns - self.at_ns
+        return self.at_ns if 0 <= late_ns < (SEEN_LATE_NS if self.kind in SEEN else LATE_NS) else self.time_ns
 
 
 def by_clock(events: Iterable[LoggedEvent]) -> list[LoggedEvent]:

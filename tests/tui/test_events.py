@@ -151,14 +151,15 @@ def test_what_was_told_late_stands_where_its_tick_was():
 @pytest.mark.parametrize(
     ("kind", "late_ns", "of_tick"),
     [("limit ended", 800_000_000, True), ("triggered", 10**6, True), ("limit", 0, True), ("saved", 10**9, False),
+     ("edited", 7 * 10**6, True), ("started", 0, True), ("edited", -1, False),
      ("captured", 3599 * SECOND, True), ("limit", 3600 * SECOND, False), ("limit", -1, False)],
 )  # fmt: skip
-def test_what_was_seen_in_samples_was_at_its_tick_not_when_it_was_told(kind, late_ns, of_tick):
+def test_what_is_of_a_tick_was_then_as_plots_have_it_not_when_it_was_told(kind, late_ns, of_tick):
     stamp_ns = 1_790_000_000_000_000_000
     seen = LoggedEvent(kind, "seen", stamp_ns + late_ns, 3, stamp_ns, "robot", "run1", 2)
     assert seen.clock_ns == (stamp_ns if of_tick else seen.time_ns)
     assert wall_clock(seen.clock_ns, 3) in line(seen, "seen", 80, "robot")
-    told = LoggedEvent("edited", "1 edit", stamp_ns + 1, 4, stamp_ns, "robot", "run1", 1)
+    told = LoggedEvent("edited", "1 edit", stamp_ns + SECOND, 4, stamp_ns, "robot", "run1", 1)
     assert in_time([told, seen]) == ([seen, told] if seen.clock_ns <= stamp_ns else [told, seen])
 
 
