@@ -20,7 +20,7 @@ from silo.core.arrays.columns import MAX_COLUMNS, ColumnStore, HistoryColumns, g
 from silo.core.conditions import Bounds, TriggerOptions, new_trigger
 from silo.core.elements import SLOW_SHARE, ElementInfo, LoggedEvent, SavedFile, State, Status
 from silo.core.episodes.words import next_marks
-from silo.core.names import Found, Names, in_order
+from silo.core.names import Found, Names
 from silo.core.quantities.writing import count, many
 from silo.core.structs import alike
 from silo.errors import RefusedError, SiloError
@@ -489,18 +489,18 @@ class Session:
         return self.table.edit_all(rows, rows_of(made))
 
     def named(self, named: Sequence[str], *, scalars: bool = False) -> list[Found]:
-        """Return what these mean, in the order of the table: names, their ends, patterns; `scalars` too where asked.
+        """Return what these mean, in the order as typed: names, their ends, patterns; `scalars` too where asked.
 
         Raises ValueError for what there isn't.
         """
         table = self.table
         known = Names(table.names, table.prefix, lambda: map(table.entry_names, range(len(table))))
-        places: set[Found] = set()
+        places: dict[Found, None] = {}
         for name in named:
             if not (found := known.find(name, scalars=scalars)):
                 raise ValueError(f"no element is called {name!r}{known.hint(name, '')}")
-            places.update(found)
-        return in_order(places)
+            places.update(dict.fromkeys(found))
+        return list(places)
 
     def why_fixed(self, rows: NDArray[np.int64] | None = None) -> str:
         """Return why none of the rows, else of the targets, can be edited; empty where some can."""

@@ -319,8 +319,12 @@ async def test_what_is_named_is_plotted_from_the_table_whatever_is_marked(screen
     await screen.enter(":plot LF/HAA/torque")
     await screen.until(lambda: monitor(screen).scope == "monitor", "the plots")
     assert [each.name for each in monitor(screen).stack.plots] == [TORQUE]
+    await screen.enter(":plot RF/HAA/torque LH/HAA/torque", shows="added 2 plots")
     await screen.press("escape")
     await screen.enter(":plot", shows="say what to plot")
+    typed = [TORQUE.replace("LF", leg) for leg in ("RF", "LH", "LF")]
+    await screen.enter(f":plot {' '.join(typed)}")
+    await screen.until(lambda: [each.name for each in monitor(screen).stack.plots] == typed, "in the order as typed")
 
 
 async def test_tab_offers_the_neighbours_of_the_plot_that_is_chosen_first(screen, ran_s=20):
