@@ -82,7 +82,10 @@ class CommandRunner:
                 context.session.short_name(name) for name in context.session.table.names[context.session.table.own :]
             ],
             "types": lambda: SAVED_NAMES,
-            "views": lambda: ["save", *([view_flows.LAST] if context.left_view else []), *BY_NAME, *files.names()],
+            "views": lambda: [
+                *(("save", *([view_flows.LAST] if context.left_view else []), *BY_NAME) if not typed[1:] else ()),
+                *files.names(),  # the others aren't what one keeps a view as
+            ],
             "logs": lambda: command_line.logs(begun, context.session.status.folder if context.has_session else ""),
             "control": lambda: self._control_words(typed[:-1]),
             "themes": lambda: (*THEMES, *sorted(context.app.available_themes)),

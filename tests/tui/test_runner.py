@@ -379,13 +379,14 @@ def test_without_a_logger_it_is_told_how_a_file_is_opened(fake):
         (":data c", ["data csv"]),
         (":view no", ["view noisiest"]),
         (":view wa", ["view walk"]),
+        (":view save ho", []), (":view save ", ["view save walk"]),  # none of silo's own is what one keeps
         (":goto /log/imu/t", ["goto /log/imu/temperature"]),
         (":goto /imu/t", ["goto /imu/temperature"]),  # as the table has it
         (":goto temp imu", ["goto /imu/temperature", "goto /log/imu/temperature"]),  # words as those of a filter
         (":load q", ["load quiet.yaml"]),
         (":nothing a", []),
     ],
-)
+)  # fmt: skip
 def test_a_line_is_completed_by_what_it_may_become(line, lines, fake):
     files.save(files.place("walk"), ONE)
     desk = Desk(fake)
