@@ -232,6 +232,10 @@ async def test_brackets_go_from_crossing_to_crossing_a_star_looks_in_all_plots_a
         await screen.do("previous_found")
         await screen.until(lambda: shown.file.time_ns == first, "the one before")
         await screen.do("home", "find", shows="in all 2 signals that are plotted")
+        await screen.enter("b above 0.5 and a > 0.5", shows="RF/torque > 0.5 and LF/torque > 0.5, 1 of 11: turns true")
+        await screen.do("find")
+        await screen.enter("b", shows=">b /RF/torque")
+        await screen.do("home", "find")
         await screen.enter("* highest")
         await screen.shows("of 11")  # ten times one, once forty
         await screen.until(lambda: " Join" in screen.text.splitlines()[-1])

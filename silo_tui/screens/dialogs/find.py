@@ -1,6 +1,8 @@
 """What to look for in the plots, typed in words: a value, the highest, a hole, a moment, a condition, a signal."""
 
-from collections.abc import Awaitable, Callable
+import re
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import ClassVar
 
@@ -11,12 +13,14 @@ from silo.conditions.requests import TriggerTried
 from silo.expressions.binding import bind
 from silo.judging.checks import table_catalogue
 from silo_tui.model.lists.conditions import tried_lines
+from silo_tui.model.plots.panels import LETTERS
 from silo_tui.model.samples.find import Search, What, parse_find
 from silo_tui.model.table import derived
 from silo_tui.screens.dialogs.form import Form
 from silo_tui.sessions.live import Session
 
 LINE = "find"
+LETTER = re.compile(r"(?<![\w/.])(?<!\d )[a-z](?![\w/(.])")  # of a plot: no part of a name, nor a unit
 SIGNS = ("<", ">", "==", "!=")
 HINTS = {LINE: "e.g. {} or a word from below"}
 WAYS = (
@@ -27,7 +31,7 @@ WAYS = (
     ("outside  hole", "outside its limits, no samples"),
     ("trigger  marker", "where one fired, where one was set"),
     ("-3s  at 12.5  13:07:32", "that moment"),
-    ("torque > 5 and x < 2", "where that of any signals turns true"),
+    ("torque > 5 and b < 2", "turns true, of signals or letters of plots"),
     ("torque", "the plot of that signal"),
 )
 
@@ -46,21 +50,22 @@ class FindDialog(Form[Search]):
         session: Session,
         begun: str,
         chosen: str,
-        plots: int,
+        plots: Sequence[str],
         level: str,
         turns_true: Callable[[str], Awaitable[TriggerTried]],
         counted: Callable[[Search], Awaitable[str]],
         moment: Callable[[str], object],
     ) -> None:
-        """`chosen` is what a condition that begins with its sign is of, `level` a value of it; `plots` how many are."""
+        """`chosen` is what a condition that begins with its sign is of, `level` a value of it; `plots` all that are."""
         hints = {LINE: HINTS[LINE].format(f"> {level or 5}")}
         super().__init__(f"Find in {chosen}", ((LINE,),), {LINE: begun}, hints, start=LINE, table=session.table)
         self._session, self._chosen, self._plots = session, chosen.lstrip("/"), plots
+        self._letters = dict(zip(LETTERS, plots, strict=False)) if len(plots) > 1 else {}
         self._turns_true, self._counted, self._moment = turns_true, counted, moment
 
     def below(self) -> ComposeResult:
         """Yield what may be typed."""
-        more = (("* highest", f"in all {self._plots} signals that are plotted"),) if self._plots > 1 else ()
+        more = (("* highest", f"in all {len(self._plots)} signals that are plotted"),) if self._letters else ()
         yield Static("\n".join(f"{typed:<23} {does}" for typed, does in (*WAYS, *more)), classes="quiet", markup=False)
 
     def on_mount(self) -> None:
@@ -70,6 +75,8 @@ class FindDialog(Form[Search]):
     def made(self) -> Search:
         """Return the search; the signals of a condition are there. Raises ExpressionError with the place."""
         found, table = parse_find(self.fields[LINE]), self._session.table
+        if found.what in (What.CONDITION, What.SIGNAL):
+            found = replace(found, condition=LETTER.sub(self._named, found.condition))
         if found.what is What.CONDITION:
             if found.condition.startswith(SIGNS):
                 found = replace(found, condition=f"{self._chosen} {found.condition}")
@@ -80,6 +87,13 @@ class FindDialog(Form[Search]):
         elif found.what is What.SIGNAL:
             self._session.named([found.condition], scalars=True)
         return found
+
+    def _named(self, letter: re.Match[str]) -> str:
+        """Return what is plotted by a letter, unless a signal is called so."""
+        with suppress(ValueError):
+            self._session.named([letter[0]], scalars=True)
+            return letter[0]
+        return self._letters.get(letter[0], letter[0]).lstrip("/")
 
     async def look(self) -> str:
         if not self.fields[LINE]:

@@ -258,8 +258,9 @@ class MomentSearch:
                 self._find(search)
 
         name, level = screen.session.short_name(stack.chosen_plot.name), value_here(stack.chosen_plot, stack.readings)
+        plots = [screen.session.short_name(each.name) for each in stack.plots]
         dialog = FindDialog(
-            screen.session, self._typed, name, len(stack.plots), level,
+            screen.session, self._typed, name, plots, level,
             self._turns_true, self._counted, screen.moment_typed,
         )  # fmt: skip
         ask(screen, dialog, chosen, let_go)
