@@ -331,6 +331,12 @@ async def test_what_is_computed_goes_on_with_the_robot_until_it_is_held(fake, op
         monkeypatch.setattr(large(screen), "live_changed", lambda frame: (frames.append(frame), take(frame)))
         for count in range(2, 6):
             await screen.until(lambda: fake.advance(0.1) or len(drawn) >= count)  # noqa: B023
+        if mode == "mode_spectrum":  # the cursor stands, wherever the strongest line of its cell is by now
+            large(screen)._put_cursor(20)
+            read, count = large(screen)._read_at_cursor(), len(drawn)
+            monkeypatch.setattr("silo_tui.model.drawing.big_plot.line_in", lambda *_: Peak(1.0, 1.0))
+            await screen.until(lambda: fake.advance(0.1) or len(drawn) >= count + 3)
+            assert large(screen)._read_at_cursor().frequency_hz == read.frequency_hz
         await screen.press("space", shows="all fetched")
         large(screen)._due_s = 0.0
         take(frames[-1])

@@ -327,6 +327,8 @@ def test_a_cursor_reads_the_highest_peak_that_is_drawn_in_its_cell():
     peaks = [Peak(2.3, 1.2), Peak(2.4, 1.4), Peak(3.1, 9.0)]
     assert big_plot.line_in(spectrum, peaks, big_plot.cell_of(2.3, 4.0, 8), 4.0, 8) == peaks[1]
     assert big_plot.cell_of(4.0, 4.0, 8) == 7
+    assert big_plot.line_at(spectrum, peaks, 2.34) == peaks[0]
+    assert big_plot.line_at(Spectrum(np.arange(8.0), 0.4), peaks[2:], 2.3) == Peak(2.3, 5.0)  # as lines move
 
 
 def test_no_amplitude_is_written_in_db():

@@ -175,6 +175,15 @@ def line_in(spectrum: Spectrum, peaks: Sequence[Peak], cell: int, top_hz: float,
     return Peak(float(frequencies[at]), float(spectrum.amplitudes[at]))
 
 
+def line_at(spectrum: Spectrum, peaks: Sequence[Peak], frequency_hz: float) -> Peak:
+    """Return what a cursor reads that stands at a frequency: a peak within a line of it, else the nearest line."""
+    near = min(peaks, key=lambda peak: abs(peak.frequency_hz - frequency_hz), default=None)
+    if near is not None and abs(near.frequency_hz - frequency_hz) <= spectrum.step_hz:
+        return near
+    at = max(1, min(len(spectrum.amplitudes), round(frequency_hz / spectrum.step_hz)))
+    return Peak(frequency_hz, float(spectrum.amplitudes[at - 1]))
+
+
 def _curve(spectrum: Spectrum, way: str, top_hz: float, columns: int) -> tuple[Floats, Floats]:
     """Smallest and largest level of the lines in each column; a straight line where there are fewer than columns.
 

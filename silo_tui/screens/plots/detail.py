@@ -92,7 +92,7 @@ class DetailScreen(MonitorScreen):
         self._peak: int | None = None  # of those found
         self._spectrum_of: Plotted | None = None  # whose peaks those are
         self._due_s = 0.0  # when what goes on is drawn again
-        self._cursor_hz: float | None = None  # where the cursor goes in the spectrum that comes
+        self._cursor_hz: float | None = None  # where the cursor stands in spectra; None: by its cell
         self._halved = 0  # how often the upper half of the frequencies was left out
         self.window, self.pause = monitor.window, monitor.pause
         self.stack = stack = self.new_stack(plots[:1])
@@ -217,9 +217,9 @@ class DetailScreen(MonitorScreen):
         self._found = found
         if told and self.line.said == told:  # it is told of the spectrum that stands there
             self._say_peak()
-        hz, self._cursor_hz = self._cursor_hz, None
-        if hz is not None and hz <= self._found.top_hz:  # it stays on its frequency, where that is drawn still
-            self.plot.cursor = big_plot.cell_of(hz, self._found.top_hz, self.plot.plot_size[0])
+        if (hz := self._cursor_hz) is not None:  # it stays on its frequency, where that is drawn still
+            cell = big_plot.cell_of(hz, self._found.top_hz, self.plot.plot_size[0])
+            self.plot.cursor = cell if hz <= self._found.top_hz else None
         self.plot.show(found.plot, [*self._at_cursor(), *found.notes])
         self._title()
         self.update_keys()
@@ -423,8 +423,8 @@ class DetailScreen(MonitorScreen):
 
     def _say_peak(self) -> None:
         if words := self._peak_words():
-            frequency_hz = self._found.peaks[self._peak or 0].frequency_hz
-            self.plot.cursor = big_plot.cell_of(frequency_hz, self._found.top_hz, self.plot.plot_size[0])
+            self._cursor_hz = hz = self._found.peaks[self._peak or 0].frequency_hz
+            self.plot.cursor = big_plot.cell_of(hz, self._found.top_hz, self.plot.plot_size[0])
         self.say(words)
 
     def _peak_words(self) -> str:
@@ -454,8 +454,6 @@ class DetailScreen(MonitorScreen):
         super().command_all_held()
 
     def _look_at(self, halved: int) -> None:
-        if (read := self._read_at_cursor()) is not None:
-            self._cursor_hz = read.frequency_hz
         self._halved, self._peak, self.plot.cursor = halved, None, None
         self.line.say("")
         self.request_view()
@@ -477,7 +475,7 @@ class DetailScreen(MonitorScreen):
             self._put_cursor(event.cell)
 
     def _put_cursor(self, cell: int) -> None:
-        self.plot.cursor = cell
+        self.plot.cursor, self._cursor_hz = cell, None
         self._tell_cursor()
 
     def _tell_cursor(self) -> None:
@@ -490,10 +488,11 @@ class DetailScreen(MonitorScreen):
         """What a cursor in the spectrum reads; None where none is, or it is still being read."""
         if self.plot.cursor is None or self._found.spectrum is None:
             return None
-        width = self.plot.plot_size[0]
-        return big_plot.line_in(
-            self._found.spectrum, self._found.peaks, min(self.plot.cursor, width - 1), self._found.top_hz, width
-        )
+        found, spectrum, width = self._found, self._found.spectrum, self.plot.plot_size[0]
+        if self._cursor_hz is None:
+            cell = min(self.plot.cursor, width - 1)
+            self._cursor_hz = big_plot.line_in(spectrum, found.peaks, cell, found.top_hz, width).frequency_hz
+        return big_plot.line_at(spectrum, found.peaks, self._cursor_hz)
 
     def _at_cursor(self) -> list[str]:
         """Where the cursor is in the spectrum."""
@@ -548,7 +547,7 @@ class DetailScreen(MonitorScreen):
         self.command_show_as(self._entered_as)
 
     def _lift_own_cursor(self) -> None:
-        self.plot.cursor = None
+        self.plot.cursor = self._cursor_hz = None
         self._tell_cursor()
 
     def _leave(self) -> None:
