@@ -261,7 +261,7 @@ async def _carry_out(context: Context, *, around: bool, cut: bool, unsaved: Unsa
         raise
     told = await session.start(unsaved) if around else []
     went = ", logging again" if around else ", it goes on" if cut else ""
-    back = [f"{context.key_in_table('undo')} takes it back, as edits to apply"] * session.table.can_undo
+    back = [f"{context.key_in_table('undo')} takes it back, as edits to apply"] * bool(session.table.undoes)
     # first what works and is likely not meant, as the shell tells it: that it stops by itself, buffers of gigabytes
     news = dict.fromkeys([*applied.warnings, *told])
     context.say("; ".join([f"applied to {many(applied.changed, 'element')}{went}", *news, *back]))

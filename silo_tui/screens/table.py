@@ -376,7 +376,7 @@ class TableScreen(ElementsScreen):
 
     def label_now(self, command: Command) -> str:
         """Return it; nothing to take back where nothing was edited."""
-        return "" if command.id == "undo" and not self.session.table.can_undo else super().label_now(command)
+        return "" if command.id == "undo" and not self.session.table.undoes else super().label_now(command)
 
     def _choose_field(self, field: Field) -> None:
         self.table.field = field
@@ -647,7 +647,8 @@ class TableScreen(ElementsScreen):
         label = self.session.table.undo() or ""
         again = f"; wanted back, not applied yet: {key_of('apply')}" if label.startswith(APPLIED) else ""
         waits = f"; {key_of('discard')} drops what is pending" if self.session.table.pending_count[0] else ""
-        self._edited(f"undone: {label}{again}" if label else f"nothing to undo{waits}")
+        more = f"; {key_of('undo')} again: {left}" if (left := self.session.table.undoes) else "; no more to undo"
+        self._edited(f"undone: {label}{again}{more}" if label else f"nothing to undo{waits}")
 
     def command_redo(self) -> None:
         label = self.session.table.redo()

@@ -293,7 +293,7 @@ def test_undo_goes_on_where_others_came_and_went():
     assert state.undo() == "what was applied to 2 elements"
     assert [(edit.name, edit.options.divider) for edit in state.edits()] == [("/log/e0", 1)]
     state.load(Table(4, [first]))
-    assert not state.can_undo
+    assert not state.undoes
     assert state.redo() is None
 
 

@@ -102,10 +102,12 @@ async def test_the_field_that_is_chosen_is_told_in_words_with_its_value_and_the_
 
 
 async def test_undo_redo_and_an_edit_to_what_is_so_already(screen):
-    await screen.do("asterisk", "toggle", "u")
+    await screen.do("edit_divider", "7", "enter", "asterisk", "toggle")
+    await screen.press("u", shows="undone: logging of 72 elements; u again: divider of 1")
+    await screen.press("u", shows="undone: divider of 1 element; no more to undo")
     assert screen.session.table.pending_count == (0, 0)
-    await screen.press("ctrl+r")
-    assert screen.session.table.pending_count == (72, 72)
+    await screen.press("ctrl+r", "ctrl+r")
+    assert screen.session.table.pending_count == (73, 72)
     screen.session.table.note_applied(())  # all steps are done with
     await screen.press("u", shows="nothing to undo; x drops what is pending")
     await screen.press("escape", "escape")

@@ -323,9 +323,9 @@ class TableState:
         return int(conflicts.sum())
 
     @property
-    def can_undo(self) -> bool:
-        """Whether there is a step to take back."""
-        return bool(self._undo)
+    def undoes(self) -> str:
+        """The label of the step that is taken back next; empty where there is none."""
+        return self._undo[-1].label if self._undo else ""
 
     def undo(self) -> str | None:
         """Take the last step back and return its label; None when there is none."""
