@@ -517,7 +517,10 @@ class Screen:
         await self.pilot._wait_for_screen()
 
     async def shows(self, words: str) -> None:
+        """Wait for words, and for the place that what came with them takes."""
         await self.until(lambda: words in self.text, f"{words!r} on the screen")
+        await self.pilot.pause(0)
+        await self.pilot.pause(0)
 
     async def seen(self, shows: str, at: str) -> None:
         """Wait for what a step shows, and where it leads to, if it says so."""
