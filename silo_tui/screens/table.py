@@ -593,8 +593,8 @@ class TableScreen(ElementsScreen):
         """Return the value that a command would change, or that those that it is about have several."""
         field = FIELDS_BY_COMMAND.get(command_id)
         if command_id == "arm_trigger":
-            triggers = self.session.triggers
-            return triggers[0].options.name if len(triggers) == 1 else many(len(triggers), "trigger")
+            there = self.session.triggers
+            return there[0].options.name if len(there) == 1 else many(len(there), "trigger")
         if command_id == "new_of_row" and len(self.session.rows.targets()) > 1:
             return "of one element"  # whatever is marked
         if field is None:
@@ -604,10 +604,8 @@ class TableScreen(ElementsScreen):
 
     def _values_of(self, field: Field) -> list[str]:
         """The different values of what is edited, in words."""
-        targets = self.session.rows.targets().tolist()
-        return [
-            phrase_for(field, each) for each in dict.fromkeys(self.session.table.value(field, at) for at in targets)
-        ]
+        values = dict.fromkeys(self.session.table.value(field, at) for at in self.session.rows.targets().tolist())
+        return [phrase_for(field, each) for each in values]
 
     def _set(self, field: Field, value: int) -> None:
         if self.repeated in FIELDS_BY_COMMAND:
@@ -679,11 +677,8 @@ class TableScreen(ElementsScreen):
 
     def _discard(self) -> None:
         count = self.session.table.discard(self.session.rows.targets())
-        self._edited(
-            f"{many(count, 'edit')} discarded; {key_of('undo')} brings {'it' if count == 1 else 'them'} back"
-            if count
-            else "nothing is pending here"
-        )
+        back = f"{key_of('undo')} brings {'it' if count == 1 else 'them'} back"
+        self._edited(f"{many(count, 'edit')} discarded; {back}" if count else "nothing is pending here")
 
     def _take_cell(self, value: str) -> bool:
         """Edit as typed; False, with the reason, when that can't be."""

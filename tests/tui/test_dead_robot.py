@@ -98,10 +98,9 @@ async def test_the_bar_of_a_dead_demo_has_the_keys_that_start_it_again(killed):
         await screen.until(lambda: screen.text.splitlines()[-1].startswith(" g l Loggers, then g d Demo again"))
 
 
-async def test_what_was_lost_before_a_program_died_is_still_told(killed):
+async def test_what_was_lost_before_a_program_died_is_still_told(fake, killed):
+    fake.lost = 5
     async with killed() as screen:
-        screen.session.lost_total = 5
-        screen.app.screen.status_changed()
         await screen.shows("✖ DEAD")
         assert "lost 5" in screen.text.splitlines()[0]
 
