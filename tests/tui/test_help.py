@@ -13,7 +13,8 @@ from silo_tui.model.table.facts import STATES
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.filter import TERMS
 from silo_tui.model.words.states import FULL, OLD
-from silo_tui.screens.lists.help import _NUMBER, GAP, column_count, entries, page
+from silo_tui.screens.lists.help import _NUMBER, COLOURS, GAP, column_count, entries, page
+from silo_tui.theme import ROLES, bold
 from silo_tui.widgets.lines import MARKED, ON_MARKED
 
 SCOPES = sorted({scope for command in COMMANDS for scope in command.scopes} - {"any"})
@@ -140,6 +141,14 @@ def test_every_column_of_the_tables_is_explained():
     assert all(column.title in told for column in COLUMNS)
 
 
+async def test_what_a_colour_means_is_told_in_it(screen):
+    await screen.press("question_mark", shows="Colours:")
+    title = screen.app.screen.query_one("#help-title").content
+    drawn = {title.plain[span.start : span.end]: span.style for span in title.spans}
+    assert set(COLOURS) >= set(ROLES)
+    assert drawn == {words: bold(screen.app.theme_variables, role) for role, words in COLOURS.items()}
+
+
 async def test_the_foot_offers_no_enter_for_what_is_only_to_be_read(screen):
     await screen.press("question_mark", "slash")
     await screen.enter("news of the robot, and", shows="‣ 12:51:44 …")
@@ -171,7 +180,7 @@ async def test_what_is_asked_for_by_a_command_from_help_is_answered(fake, screen
 async def test_the_arrows_choose_among_what_was_found(screen):
     await screen.press("question_mark", "slash")
     await screen.type("off")
-    await screen.press("up", "down", "enter", "enter")  # the first stays chosen
+    await screen.press("up", "down", "down", "enter", "enter")  # the first stays chosen
     await screen.until(lambda: type(screen.app.screen).__name__ == "ParametersScreen")
 
 

@@ -23,6 +23,7 @@ from silo_tui.model.lists.happened import EVENT_LINE, NAMES
 from silo_tui.model.table.filter import TERMS
 from silo_tui.model.words.states import MEANINGS
 from silo_tui.model.words.text import held, loosened
+from silo_tui.theme import bold
 from silo_tui.widgets.inputs import Fleeting, Line
 from silo_tui.widgets.lines import MARKED, ON_MARKED
 from silo_tui.widgets.plot_stack import CURSOR_A, CURSOR_B
@@ -90,6 +91,10 @@ FILE_SIGNS = (
     (MARKED, "marked: the plots are of all that is marked"), ("= 1.23", "the value that held at the cursor"),
     ("min max mean", "of the samples in the window"),
 )  # fmt: skip
+COLOURS = {
+    "alarm": "alarm, lost", "warning": "warning, slow", "pending": "pending edit", "dead": "ended",
+    "selected": "marked", "success": "runs", "primary": "key",
+}  # fmt: skip
 _NUMBER = re.compile(r"\d+(?:[ .:]\d+)*")
 WORDS = (
     ("torque LF", "both words in the name, else in name or description"),
@@ -290,7 +295,10 @@ class HelpScreen(Dialog[None]):
         self._found = found
         self._chosen = max(0, min(self._chosen, len(found) - 1))
         held = f'  {len(found)} of {len(here)} hold "{self._words.strip()}"' if words else ""
-        self.query_one("#help-title", Static).update(f" silo help of {where}{held}")
+        variables = self.app.theme_variables
+        told = [Text(words, bold(variables, role)) for role, words in COLOURS.items() if not self.app.no_color]
+        colours = Text("  ").join([Text("\n Colours:"), *told]) if told else Text("")
+        self.query_one("#help-title", Static).update(Text.assemble(f" silo help of {where}{held}", colours))
         chosen = found[self._chosen] if words and found else None
         text = page(found, self.size.width - 1, chosen) if found else Text(" Nothing holds these words. Esc: all again")
         self.query_one("#help-page", Static).update(text)
