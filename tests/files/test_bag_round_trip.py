@@ -231,6 +231,22 @@ class TestDamage:
             except FileFormatError as error:
                 assert "small.mcap" in str(error)
 
+    @pytest.mark.slow
+    @pytest.mark.sampled
+    @pytest.mark.parametrize("width", [64, 1 << 20], ids=["within", "at the end"])
+    def test_zeros_as_a_power_cut_leaves_them_are_no_values_and_move_none(self, small, drawn, width):
+        written, path = small
+        data = path.read_bytes()
+        x, s = (one.entries[0].values.tolist() for one in written.elements)
+        for at in drawn(range(len(data)), 200):
+            path.write_bytes(data[:at] + bytes(len(data[at : at + width])) + data[at + width :])
+            try:
+                read = {one.name: one.entries[0].values.tolist() for one in read_bag(path).elements}
+            except FileFormatError:
+                continue
+            assert all(value in (x[k], None) or value != value for k, value in enumerate(read.get("/log/x", [])))
+            assert all(value in (s[k], b"") for k, value in enumerate(read.get("/log/s", [])))
+
     def test_a_changed_value_is_noticed_by_its_checksum(self, small):
         _, path = small
         data = path.read_bytes()

@@ -93,6 +93,7 @@ class ChannelReader:
     def __init__(self, channel: int, size: int) -> None:
         self._channel = channel
         self.size = RECORD_HEAD + size  # of a message
+        self.is_behind = False  # by nobody knows how many messages, which the number of the next one tells
         self._targets: list[tuple[PlacedEntry, Values, int]] = []
 
     def aim(self, entry: PlacedEntry, values: Values, index: int) -> None:
@@ -148,9 +149,17 @@ class ChannelReader:
         rows = _overlapping(chunk, self._layout)[places]
         if self._targets[0][0].absent:
             return self._put(rows, _overlapping(chunk, _SEQUENCE)[places + _SEQUENCE_AT].astype(np.int64))
+        self._catch_up(chunk, places)
         for name, dtype, values, index in self._columns:
             values.add(index, from_wire(rows[name], dtype))
         return True
+
+    def _catch_up(self, chunk: bytes, places: NDArray[np.int64]) -> None:
+        """Leave out what is missing before these messages: what came after it stood at times of its own."""
+        if self.is_behind:
+            first, self.is_behind = int(_overlapping(chunk, _SEQUENCE)[places[0] + _SEQUENCE_AT]), False
+            for _, values, index in self._targets:
+                values.skip(index, max(first - values.filled[index], 0))
 
     def _put(self, rows: NDArray[np.void], samples: NDArray[np.int64]) -> bool:
         if int(samples.max()) >= len(self._targets[0][1].missing):
@@ -175,8 +184,10 @@ class ChannelReader:
         if int(places.max()) + max(self.size, RECORD_HEAD) > len(chunk) or int(places.min()) < 0:
             return False
         start = places + RECORD_HEAD + entry.offset + 4
+        opcodes = _overlapping(chunk, np.dtype("u1"))[places]
         channels = _overlapping(chunk, np.dtype("<u2"))[places + RECORD.size]
-        if int(start.max()) > len(chunk) or (channels != self._channel).any():
+        right = (opcodes == MESSAGE_OPCODE) & (channels == self._channel)
+        if int(start.max()) > len(chunk) or not right.all():
             return False
         lengths = _overlapping(chunk, np.dtype("<u4"))[start - 4].astype(np.int64) - 1
         if (lengths < 0).any() or (start + lengths > len(chunk)).any():
@@ -185,6 +196,7 @@ class ChannelReader:
         dtype = entry_dtype(entry)
         if dtype.kind == "U":
             texts = [text.decode() for text in texts]
+        self._catch_up(chunk, places)
         values.add(index, np.array(texts, dtype=dtype))
         return True
 

@@ -101,6 +101,7 @@ class BagElements:
                 reader.skip(one.skipped)
                 if chunk is None:
                     reader.skip(one.rows or len(entries))
+                    reader.is_behind |= not (one.rows or len(entries))
                 elif not reader.add(chunk, entries, known):
                     self._tell(f"an index at byte {at:,} is damaged: {len(entries):,} samples can't be found by it")
         for place, values in zip(places, elements, strict=True):
@@ -121,8 +122,9 @@ class BagElements:
         """Where the messages of a channel begin in a chunk; of an index that is damaged, by the messages themselves."""
         try:
             entries = entries_at(self._data, at, channel)
-            if where.rows in (None, len(entries)):
-                return entries["offset"]
+            places: NDArray[np.uint64] = entries["offset"]
+            if where.rows in (None, len(entries)) and (chunk is None or (places[1:] > places[:-1]).all()):
+                return places  # of zeros each would be the first message
         except DAMAGE:
             pass
         found = {} if chunk is None else walked(chunk, len(chunk))[0]
