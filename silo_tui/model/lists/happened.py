@@ -28,6 +28,7 @@ NAMES = {"M": "marker", "T": "trigger", "S": "start/stop", "E": "edit", "X": "lo
 EVENT_LINE = "╎"
 RANK = "XSTMEH"  # of several in one cell that one is shown which comes first
 MOST = 2000  # that a session keeps of limits, and as many of all else: a limit that flickers pushes nothing out
+RECORDED = "recording "  # with its name why a part of an endless recording was saved, which names no logger
 LIMITS = {"limit", "limit ended"}
 WRITTEN = {"saved", "captured", "recovered", "recording", "files deleted"}  # after which other files are there
 LONG = 24  # letters of a name that isn't shortened in a line

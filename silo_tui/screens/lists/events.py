@@ -74,7 +74,8 @@ class EventsScreen(LoggerList[LoggedEvent]):
         self.show()
 
     async def _read_saved(self) -> None:
-        self._saved = (await self.session.recordings()).recordings
+        found, own = (await self.session.recordings()).recordings, self.session.status.logger
+        self._saved = [one for one in found if one.logger == own or one.why.startswith(rows.RECORDED)]
 
     def _is_gone(self, one: LoggedEvent) -> bool:
         """Whether the rows of its moment are surely held no more: of another run, or older than all in the buffers of
