@@ -1,5 +1,6 @@
 """Parts of recordings, without a process: where they begin and end, what is deleted, lost, or left by a kill."""
 
+import contextlib
 import fcntl
 import itertools
 import os
@@ -22,7 +23,7 @@ from silo.cli.main import run
 from silo.core.elements import RecorderState
 from silo.core.quantities.reading import read_keep, read_split
 from silo.core.quantities.writing import size_text
-from silo.errors import ElementError, SaveError
+from silo.errors import ElementError, FileFormatError, SaveError
 from silo.files.atomic import left_free, write_all
 from silo.files.bags.index import BagElements
 from silo.files.bags.writer import write_bag
@@ -38,6 +39,7 @@ from silo.recorder.server import _wrong_numbers
 from silo.recorder.writing import MOST_INDEX_BYTES, QUEUE_BYTES, RecorderDisk, why_full
 from silo.recovery.parts import close_part, close_parts, finished_part, left_parts, left_rows
 from silo.segment.reader import SegmentReader
+from tests.recorder.conftest import BEGIN_NS, STEP_NS
 from tests.whole_bags import read_bag
 
 
@@ -371,6 +373,23 @@ def test_zeros_behind_what_was_written_as_a_power_cut_leaves_them_are_cut_off(ki
     closed = close_part(killed)
     assert truth.span(read_bag(closed.path)) == (0, 400)
     truth.by_others(closed.path)
+
+
+@pytest.mark.parametrize("width", [64, 5000])
+def test_zeros_within_a_part_as_a_power_cut_leaves_them_are_no_values_and_no_times(killed, width) -> None:
+    whole = killed.read_bytes()
+    read = 0
+    for at in range(len(whole) % 97, len(whole), 97):
+        killed.write_bytes(whole[:at] + bytes(len(whole[at : at + width])) + whole[at + width :])
+        with contextlib.suppress(FileFormatError):
+            found = read_bag(killed)
+            (x,) = (one for one in found.elements if one.name == "/log/x")
+            (values,) = (one.values for one in x.entries)
+            ticks, there = x.stamp_indices + found.offset - len(found.time_ns), ~np.ma.getmaskarray(values)
+            assert values[there].tolist() == ticks[there].tolist()
+            assert (found.time_ns[x.stamp_indices] == BEGIN_NS + ticks * STEP_NS)[there].all()
+            read += there.any()
+    assert read > 20
 
 
 def test_a_foreign_file_named_as_a_part_stays(tmp_path) -> None:

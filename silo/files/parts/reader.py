@@ -22,7 +22,7 @@ from silo.core.elements import UNHELD, BufferType, LoggedEvent, Stretch
 from silo.core.recording import Recording
 from silo.core.structs import alike
 from silo.files.bags.index import GAPS, BagElements, lost_chunk
-from silo.files.mcap.chunks import chunk_start, unpack_chunk, walked
+from silo.files.mcap.chunks import RECORD, chunk_start, unpack_chunk, walked
 from silo.files.mcap.damage import DAMAGE
 from silo.files.mcap.index import Index, IndexedChunk, entries_at, entries_in, record_at, walked_index
 from silo.files.parts.events import events_of
@@ -95,6 +95,17 @@ class _Ring:
         return chunk._replace(rows=len(entries), skipped=skipped)
 
 
+def _is_odd(data: memoryview, chunk: IndexedChunk) -> bool:
+    """Whether zeros stand in the index of a chunk's first channel, as after a power cut; the first message may be at 0.
+
+    This takes 4 us; to hold it against the messages takes longer than to read them.
+    """
+    channel, at = chunk.offsets[0].item()
+    entries = entries_at(data, at, channel)
+    (begin,) = struct.unpack_from("<Q", data, chunk.at + RECORD.size)
+    return not len(entries) or entries[0].item()[0] < begin or not entries["offset"][1:].all()
+
+
 def _by_messages(data: memoryview, chunk: IndexedChunk) -> memoryview | None:
     """An index of a chunk's first channel by its messages, whose checksum is looked at; None where its own is right."""
     body = record_at(data, chunk.at, Opcode.CHUNK)
@@ -122,12 +133,13 @@ def open_part(file: Path, data: memoryview, index: Index, facts: PartFacts, chec
         if ring is None:
             continue
         try:
-            found = _by_messages(data, chunk) if check else None
+            found = _by_messages(data, chunk) if check or _is_odd(data, chunk) else None
             if found is not None:
                 damaged.append(f"of the chunk at byte {chunk.at:,} {NO_INDEX}, which were taken instead")
             if ring.ring == EVENTS_RING:
                 body = bytes(unpack_chunk(record_at(data, chunk.at, Opcode.CHUNK)))
-                entries = entries_at(data, int(chunk.offsets["offset"][0]), ring.channels[0])
+                at = int(chunk.offsets["offset"][0])
+                entries = entries_in(found or record_at(data, at, Opcode.MESSAGE_INDEX), ring.channels[0])
                 events += events_of(body, entries["offset"], ring.begin, begin_tick, facts.run)
             else:
                 chunks.append(rings[ring.ring].add(data, chunk, found))
