@@ -154,7 +154,7 @@ class EntryState:
     opposite: int = 0
     fresh_ns: int | None = None  # when the value was new
     seen_ns: int = 0  # the newest sample's
-    last: int | float = math.nan
+    last: float = math.nan  # an integer as one, which is a float where another helper process goes on
     stale_count: int = 0
     stale_alarm: bool = False
     missing_ns: int = 0  # where it has no value now, since when; 0 where it never had one
@@ -360,7 +360,8 @@ class Limit:
         back_ns = np.cumsum(np.where(steps < 0, -steps, 0))
         time_ns = time_ns + back_ns  # as the clock had gone on
         known = values[there]
-        is_new = np.array([one != state.last for one in known[:1].tolist()], bool)  # Python's integers are exact
+        like = float if isinstance(state.last, float) else int  # Python's integers are exact
+        is_new = np.array([like(one) != state.last for one in known[:1].tolist()], bool)
         stamps = time_ns[there][np.concatenate([is_new, known[1:] != known[:-1]])]
         if len(stamps):
             late = np.diff(stamps, prepend=state.fresh_ns) > self.rule.stale_ns

@@ -3,13 +3,14 @@
 import math
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo.errors import ElementError
-from silo.judging.limits import Level, Limit, LimitRule, beside_bounds, limit_rule
+from silo.judging.limits import EntryState, Level, Limit, LimitRule, beside_bounds, limit_rule
 from tests.examples import examples
 
 RULE = LimitRule(-20, -10, 10, 20)
@@ -202,6 +203,9 @@ def test_a_value_that_stays_the_same_too_long_is_stale_until_it_is_new(first):
     limit, _ = fed(rule, [first] * 5, cuts=(2,))
     assert limit.states[0].stale
     assert limit.states[0].stale_count == 1
+    (limit.states[0],) = msgspec.msgpack.decode(msgspec.msgpack.encode(limit.states), type=list[EntryState])
+    limit.feed(np.array([5]), np.array([5 * MS]), np.array([first]))
+    assert limit.states[0].stale  # where another helper process goes on, too
     assert not fed(rule, [first, first, first, first, first + 1])[0].states[0].stale
     assert not fed(rule, [first + step for step in range(9)], cuts=(3, 4))[0].states[0].stale_count
     quiet, _ = fed(rule, [1, 2])
