@@ -17,7 +17,7 @@ h5py, polars, parquet, scipy_io = map(Later, ("h5py", "polars", "pyarrow.parquet
 
 START = 1_700_000_000_000_000_000
 STEP = 10_000_000
-LARGE = 2**60
+LARGE = 2**53 + 1
 FORMATS = (".silo", ".csv", ".mcap", ".rosbag2")
 
 

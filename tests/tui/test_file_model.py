@@ -135,7 +135,7 @@ def test_times_that_go_back_hide_no_sample():
     ("values", "text"),
     [
         (np.array(["NaT"], "M8[s]"), "NaT"), (np.array([b"\xffab"]), "\\xffab"),
-        (np.array([2**62 + 1]), str(2**62 + 1)),
+        (np.array([2**62 + 1]), str(2**62 + 1)), (np.array([2**53]), str(2**53)),
         (np.array([2**64 - 1], "u8"), str(2**64 - 1)), (np.array([1 + 2j]), "1+2j"),
         (np.array([1_790_000_000_123_456_789], "M8[ns]"), "2026-09-21T14:13:20.123456789"),
     ],

@@ -38,6 +38,7 @@ FREE = ParameterInfo("/log/x", ParameterKind.FLOAT, 20.0, value=20.0)
         (HEIGHT, 1, 0.485), (HEIGHT, -10, 0.43), (HEIGHT, 100, 0.54), (HEIGHT, -100, 0.4), (KP, 1, 42.0), (COUNT, 9, 5),
         (COUNT, -1, 2), (NAME, 1, "pace"), (NAME, -10, "walk"), (FREE, 1, 21.0),
         (replace(FREE, maximum=20.5), 1, 20.0), (replace(HEIGHT, maximum=0.5425), 100, 0.54),
+        (replace(NAME, value="walk"), 1, "trot"),
         (ParameterInfo("/log/b", ParameterKind.BOOL, default=False, value=False), 1, True),
     ],
 )  # fmt: skip

@@ -19,7 +19,7 @@ def one(stem=STEM, why="", **more):
 
 
 def test_a_name_is_shortened_only_where_it_must_be():
-    assert rows.short_stem(STEM, "robot", 40) == "robot_20260921_14-00-00_00007"
+    assert rows.short_stem(STEM, "robot", len(STEM)) == "robot_20260921_14-00-00_00007"
     assert rows.short_stem(STEM, "robot", 12) == "…00007"
     assert rows.short_stem("first_walk", "robot", 12) == "first_walk"
     assert rows.short_stem(STEM, "arm", 13) == "robot…00007"
