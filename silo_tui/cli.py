@@ -50,14 +50,14 @@ Examples:
     "--read-only", is_flag=True, envvar="SILO_READ_ONLY", help="Look only: nothing is sent that changes the logger."
 )
 @click.option(
-    "--rate", type=click.FloatRange(0.5, 10.0), metavar="HZ", help="Refreshes a second. Default: 5, or as set (F2)."
+    "--rate", type=click.FloatRange(0.5, 10.0), metavar="HZ", help="Refreshes a second. Default: 5, or as set (g s)."
 )
 @click.option("--view", default="", metavar="NAME", help="Open with a view that was kept by `:view save NAME`.")
-@click.option("--theme", type=click.Choice(THEMES), help="Colours. Default: dark, or as set (F2).")
+@click.option("--theme", type=click.Choice(THEMES), help="Colours. Default: dark, or as set (g s).")
 @click.option(
     "--mouse/--no-mouse",
     default=None,
-    help="Take the mouse. Default: yes, but not over SSH, where it prevents selecting text; or as set (F2).",
+    help="Take the mouse. Default: yes, but not over SSH, where it prevents selecting text; or as set (g s).",
 )
 @click.option(
     "--serve",

@@ -265,7 +265,7 @@ async def test_data_is_saved_in_the_types_that_are_chosen_and_that_takes_the_pla
 ):
     await screen.press("w")
     await screen.shows("Save data")
-    await screen.shows("what was logged; W saves the script instead")
+    await screen.shows("what was logged; W saves the script instead, elsewhere ")
     await screen.press("W")
     await screen.shows("Save the script")
     await screen.press("escape", "w", "down", "space")

@@ -55,7 +55,7 @@ class TriggerEditor(Form[TriggerOptions]):
         "rearm": "after it fired it waits until this is true once; empty: until 'when' was false",
         "mode": "normal each time, single once; then its edge: rising, falling, level",
         "pre": f"so much before the moment is in the file: buffers must hold it, and {SLACK_S:g} s more to judge it",
-        "post": "so much after the moment is in the file",
+        "post": "so much after the moment is in the file: 2 is 2 s",
         "persist": "'when' must be true for so long before it fires: 0 at once",
         "holdoff": "after it fired nothing fires for so long: 0 at once again",
         "save": f"files of a capture: {', '.join(SAVED_NAMES)}, or {conditions.NO_FILES}",

@@ -104,8 +104,8 @@ class SaveDialog(Form[list[SavedFile]]):
         yield Static(f"in {folder}, on the robot", classes="quiet", markup=False)
         marked = self.context.session.rows.marked_count
         all_of_it = f"all elements, not the {marked} marked alone" if marked else "what was logged"
-        elsewhere = all_of_it if self._go_on else f"{all_of_it}; {SCRIPT} saves the script instead"
-        yield Static(elsewhere, classes="quiet", markup=False)
+        script = f"; {SCRIPT} saves the script instead, elsewhere {key_of('save_script')}"
+        yield Static(all_of_it if self._go_on else all_of_it + script, classes="quiet", markup=False)
         for kind, one in SAVED.items():
             yield CheckLine(f"{one.name:<5} {one.about}", kind in self._types, f"type-{one.name}")
 
