@@ -380,13 +380,15 @@ class PlotScreen(SiloScreen):
             return f"{what}: not in this file, which goes from {first} to {last}"
         return f"{what}: overwritten, held is from {first} to {last}"
 
-    async def jump_to(self, time_ns: int) -> bool:
+    async def jump_to(self, time_ns: int, let_go: Callable[[], None] = lambda: None) -> bool:
         """Move the cursor to a moment, and the window so that the moment is in its middle if it was not in it.
 
-        Where it is held nowhere any more that is said, and nothing moves.
+        Where it is held nowhere any more that is said, and nothing moves, or goes on as before if it paused for this.
         """
         if not await self.pause.bring(time_ns, self.window.span_ns):
-            self.say(self.gone_words(self.moment_words(time_ns)))
+            told = self.gone_words(self.moment_words(time_ns))
+            let_go()
+            self.say(told)
             return False
         if not self.window.paused:  # somebody let it go on meanwhile
             return False
@@ -395,8 +397,7 @@ class PlotScreen(SiloScreen):
 
     def show_moment_of(self, time_ns: int) -> None:
         """Stand still at a moment: it has the cursor, in the middle of the window."""
-        self.pause_here()
-        run_alone(self, "find", self.jump_to, time_ns)
+        run_alone(self, "find", self.jump_to, time_ns, self.pause_for_now())
 
     def show_between(self) -> None:
         """Show what lies between the cursors; hide it without B, and where no time is drawn."""

@@ -4,7 +4,7 @@ The source looks (`HeldRows.find`): a file by itself, a logger's helper process 
 """
 
 import asyncio
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -389,15 +389,16 @@ class MomentSearch:
         ask_mark(self.screen.context, self.screen.source.end_ns if a_ns is None else a_ns)
 
     def jump_to_event(self, event: LoggedEvent) -> None:
-        """Stand still where something happened; say so where its rows are gone."""
-        self.screen.pause_here()
-        run_alone(self.screen, "find", self._jump_to_event, event)
+        """Stand still where something happened; where its rows are gone say so, and go on as before."""
+        run_alone(self.screen, "find", self._jump_to_event, event, self.screen.pause_for_now())
 
-    async def _jump_to_event(self, event: LoggedEvent) -> None:
+    async def _jump_to_event(self, event: LoggedEvent, let_go: Callable[[], None]) -> None:
         await self.screen.pause.settled()
         if not await self.screen.pause.bring(event.at_ns, self.screen.window.span_ns):
             gone = gone_words(event, self.screen.session.happened)
-            self.screen.say(f"{self.screen.gone_words(self._told(event))}; {gone}")
+            told = f"{self.screen.gone_words(self._told(event))}; {gone}"
+            let_go()
+            self.screen.say(told)
             return
         if await self.screen.jump_to(event.at_ns):
             self.screen.say(f"at {self.screen.moment_words(event.at_ns)}: {self._told(event)}")
