@@ -67,6 +67,7 @@ PRELOADED = (
     "numpy", "zenoh", "msgspec", "yaml", "click", "psutil", "mcap.writer", "mcap.reader", "hypothesis.stateful",
     "textual.app", "textual.widgets", "textual.pilot", "polars", "pyarrow.parquet",
 )  # fmt: skip
+Ranked = tuple[int, bool, bool, float, str]  # its turn, whether it misses the line, whether it is far, seconds, test
 Reached = dict[str, tuple[float, dict[str, int]]]  # test -> its seconds, and the lines of each module as bits
 COMPARED = {
     ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">", ast.Eq: "!=", ast.NotEq: "==",
@@ -399,6 +400,12 @@ class Warm(Some):
         return PASSED
 
 
+def _within(found: list[Ranked], seconds: float) -> list[Ranked]:
+    """Return the first of them that take so long, at least one."""
+    spent = itertools.accumulate((each[3] for each in found), initial=0.0)
+    return [one for one, spent_s in zip(found, spent, strict=False) if spent_s < seconds]
+
+
 def _place(code: CodeType) -> tuple[str, int, str]:
     return code.co_filename, code.co_firstlineno, code.co_name
 
@@ -448,7 +455,10 @@ class Trial:
         os.waitpid(self._pid, 0)
 
     def chosen(self, module: str, line: int = 0, function: int = 0) -> list[str]:
-        """Return tests of the fast tier that run a line, then those that run its function; without, any of a module."""
+        """Return tests of the fast tier that run a line, then those that run its function; without, any of a module.
+
+        Half of their time is for the nearest; of each kind one case comes before the next ones.
+        """
         near, turns = set(nearest(module)), Counter[str]()
         found = []
         for test, (seconds, lines) in sorted(self._reached.items(), key=lambda one: one[1][0]):
@@ -458,8 +468,10 @@ class Trial:
                 found.append((turns[kind], not mask >> line & 1, far, seconds, test))
                 turns[kind] += 1
         found.sort()
-        spent = itertools.accumulate((seconds for *_, seconds, _ in found), initial=0.0)
-        return [test for (*_, test), spent_s in zip(found, spent, strict=False) if spent_s < BUDGET_S]
+        first = _within([one for one in found if not one[2]], BUDGET_S / 2)
+        taken = set(first)
+        left_s = BUDGET_S - sum(seconds for *_, seconds, _ in first)
+        return [test for *_, test in [*first, *_within([one for one in found if one not in taken], left_s)]]
 
     @contextmanager
     def _put_in(self, fault: Fault) -> Iterator[tuple[str, str]]:
