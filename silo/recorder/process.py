@@ -231,6 +231,13 @@ class RecorderProcess:
             return written.sums()
         return RecordedTotals(self.report.parts, self.report.samples, self.report.lost)
 
+    def place(self) -> Path:
+        """Return where to look for it: its only file, or the folder of several."""
+        folder = Path(self.order.folder)
+        written = read_written(folder, self.order.name)
+        own = [part.name for part in written.parts if part.name not in written.earlier] if written is not None else []
+        return folder / own[0] if len(own) == 1 == self.sums().parts else folder
+
 
 def close_left(folder: str) -> list[str]:
     """Close the parts that killed recorders left in a folder, in a process of its own; returns what was done."""

@@ -257,7 +257,7 @@ class EndlessRecordings:
         room = recorder.order.keep_bytes
         kept = f", of which the newest stay within {size_text(room)}" if room else ""
         why = f"{recorder.report.text}; " if recorder.report.state is RecorderState.FAILED else ""
-        return f"recording '{name}' ended: {why}{recorder.sums().text}{kept}, in {recorder.order.folder}"
+        return f"recording '{name}' ended, in {recorder.place()}: {why}{recorder.sums().text}{kept}"
 
     def infos(self) -> list[RecorderInfo]:
         """Return what there is, and of what waits why its logger stands still."""

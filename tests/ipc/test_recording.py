@@ -87,7 +87,7 @@ def test_a_killed_recorder_is_started_again_and_not_a_row_is_missing(robots, tmp
         client.mark("three")
         assert client.status().recorders == 1
         heard = Heard(client)
-        assert "ended: 2 files" in client.stop_recorder()
+        assert f"ended, in {started.folder}: 2 files" in client.stop_recorder()
         ended = wait_until(lambda: next((one for one in heard.events if "' ended: " in one.text), None))
         assert ended.status.recorders == 0  # not once the next status is asked for
         assert client.recorders() == []

@@ -138,9 +138,10 @@ def test_who_stops_a_recording_that_had_ended_by_itself_is_told_why(state, why):
     recorder = SimpleNamespace(
         report=Report(state, "the disk refused: it is gone"), ended=ended, given_up=False, finish=lambda *_, **__: None,
         order=SimpleNamespace(keep_bytes=0, folder="/logs"), sums=lambda: SimpleNamespace(text="1 file, 0 lost"),
+        place=lambda: "/logs/walk.mcap",
     )  # fmt: skip
     server._recorders = {"walk": recorder}
-    assert server.end(StopRecorder()) == f"recording 'walk' ended: {why}1 file, 0 lost, in /logs"
+    assert server.end(StopRecorder()) == f"recording 'walk' ended, in /logs/walk.mcap: {why}1 file, 0 lost"
     assert server._recorders == {}
 
 
