@@ -518,11 +518,15 @@ def test_the_keys_of_events_of_a_file_are_those_of_a_file(at_s, scope):
     assert EventsScreen(SimpleNamespace(at_s=at_s)).scope == scope
 
 
-@pytest.mark.parametrize("about", ["", "/imu/temperature "])
-async def test_the_list_shows_which_moments_are_overwritten_and_enter_says_which_file_has_them(fake, opened, about):
-    longest = replace(fake.elements[0].options, size=4000 if not about else 40_000)
-    fake.elements[0] = replace(fake.elements[0], options=longest)  # an event that is about another one is gone before
+@pytest.mark.parametrize(("about", "plotted"), [("", ""), ("/imu/temperature ", ""), ("", "/imu/temperature")])
+async def test_the_list_shows_which_moments_are_overwritten_and_enter_says_which_file_has_them(
+    fake, opened, about, plotted
+):
+    longest = replace(fake.elements[0].options, size=40_000 if about or plotted else 4000)
+    fake.elements[0] = replace(fake.elements[0], options=longest)  # what another one shows is gone before
     async with opened(fake.run(20)) as screen:
+        if plotted:
+            await screen.enter(plotted, "m")
         await _look_for_what_is_gone(fake, screen, f"{about}old")
 
 

@@ -377,8 +377,8 @@ async def test_a_moment_that_the_buffers_lost_is_said_with_the_oldest_that_is_he
             EventsScreen, "_is_gone", lambda *_: False
         )  # of other elements it is held, for all it knows
         await screen.press("enter")
-        await screen.shows("overwritten, held is from -19.99")
-        assert re.search(r"held is from -19.99\d s to 0.000 s", monitor(screen).line.said)  # no clocks at 80 columns
+        await screen.shows("overwritten, these plots hold from -19.99")
+        assert re.search(r"plots hold from -19.99\d s to 0.000 s", monitor(screen).line.said)  # no clocks at 80 columns
         await screen.shows(" to 0.000 s")
         assert monitor(screen).window.cursor is None
         assert not monitor(screen).window.paused

@@ -22,7 +22,7 @@ from silo_tui.screens.dialogs.exporting import write_whole
 from silo_tui.screens.dialogs.questions import Prompt, ask_line
 from silo_tui.screens.lists.list_screen import LoggerList
 from silo_tui.screens.plots.monitor import MonitorScreen
-from silo_tui.sessions.live import Session
+from silo_tui.sessions.live import LiveSource, Session
 from silo_tui.widgets.lines import Lines
 
 HELD_S = 5.0  # so often it is asked what the buffers hold
@@ -79,7 +79,7 @@ class EventsScreen(LoggerList[LoggedEvent]):
 
     def _is_gone(self, one: LoggedEvent) -> bool:
         """Whether the rows of its moment are surely held no more: of another run, or older than all in the buffers of
-        the signals that it is about, or in any where it is about none.
+        what a plot of it would show, or in any where that is nothing.
 
         What a plot below holds beside them is there.
         """
@@ -88,17 +88,21 @@ class EventsScreen(LoggerList[LoggedEvent]):
             return False
         if one.run and one.run != self._run:
             return True
-        held_ns = round(min(session.status.held_s, self._holds_s(one)) * 1e9)
+        # what a buffer loses it loses while the list is read, whatever was asked last
+        status, held_s = session.status, self._holds_s(one)
+        oldest_ns = status.last_tick_ns - round(status.held_s * 1e9)
+        if held_s < math.inf:
+            oldest_ns = max(oldest_ns, LiveSource(session).end_ns - round(held_s * 1e9))
         plots = self._plots_below
         if plots is not None and plots.window.paused:
-            held_ns = max(held_ns, session.status.last_tick_ns - plots.held_ns[0])
-        return bool(session.status.last_tick_ns) and one.at_ns < session.status.last_tick_ns - held_ns
+            oldest_ns = min(oldest_ns, plots.held_ns[0])
+        return bool(status.last_tick_ns) and one.at_ns < oldest_ns
 
     def _holds_s(self, one: LoggedEvent) -> float:
-        """Return how long the buffers hold one of the signals that an event is about; without end for none."""
+        """Return how long the buffers hold one of the signals that show an event; without end for none."""
         about = one.text.split(" ", 1)[0] if one.kind in rows.LIMITS else one.text
         if about not in self._buffers_s:
-            names = self._names_in(about)
+            names = self._names_in(about) or self._plotted or self._chosen_names()[:MOST_PLOTS]
             self._buffers_s[about] = max(map(self._buffer_s, names), default=math.inf)
         return self._buffers_s[about]
 
@@ -119,6 +123,11 @@ class EventsScreen(LoggerList[LoggedEvent]):
         """The plots of the logger that stand below."""
         stack = [each for each in self.app.screen_stack if isinstance(each, MonitorScreen)]
         return next((each for each in reversed(stack) if each.session is self.session), None)
+
+    @property
+    def _plotted(self) -> list[str]:
+        """The elements that the plots below show."""
+        return [each.element.name for each in self._plots_below.stack.plots] if self._plots_below is not None else []
 
     def label_now(self, command: Command) -> str:
         """Return it; nowhere to go to where the rows are gone."""
@@ -248,7 +257,7 @@ class EventsScreen(LoggerList[LoggedEvent]):
             self.say(f"no plot has it: {gone}; {key_of('recordings')} lists what is saved")
             return
         named, plots = self._named(event), self._plots_below
-        if plots is not None and named and not {each.element.name for each in plots.stack.plots} & set(named):
+        if plots is not None and named and not {*self._plotted} & {*named}:
             plots = None  # that of another signal would be taken for the one that this is about
         if plots is not None:
             while self.app.screen is not plots:

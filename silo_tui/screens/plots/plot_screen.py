@@ -378,7 +378,7 @@ class PlotScreen(SiloScreen):
             first, last = (each.partition("  ")[0] for each in (first, last))
         if self.file is not None:
             return f"{what}: not in this file, which goes from {first} to {last}"
-        return f"{what}: overwritten, held is from {first} to {last}"
+        return f"{what}: overwritten, these plots hold from {first} to {last}"
 
     async def jump_to(self, time_ns: int, let_go: Callable[[], None] = lambda: None) -> bool:
         """Move the cursor to a moment, and the window so that the moment is in its middle if it was not in it.
