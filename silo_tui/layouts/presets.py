@@ -74,6 +74,7 @@ def near_limit(limits: Sequence[LimitStatus]) -> tuple[str, str]:
         return "", f"none {of} is within a tenth of one"
     pattern = "|".join(f"{re.escape(name)}$" for name in found)
     was = len(found) - len(now)
-    unseen = f"; {was} {'was' if was == 1 else 'were'} beyond, which nobody has seen" if was else ""
-    words = f"{len(now) or 'none'} {of} {'is' if len(now) < 2 else 'are'} within a tenth of one, or beyond{unseen}"
+    unseen = f"{was} {'was' if was == 1 else 'were'} beyond, which nobody has seen" if was else ""
+    near = f"{len(now)} {of} {'is' if len(now) == 1 else 'are'} within a tenth of one, or beyond" if now else ""
+    words = f"{near}; {unseen}" if near and unseen else near or f"{unseen}; none {of} is near one now"
     return f"~{pattern}", words

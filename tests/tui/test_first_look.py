@@ -61,7 +61,7 @@ def test_what_is_near_a_limit_is_a_filter_for_just_that():
     was = replace(cold, alarm=True)
     assert near_limit([was])[0] == r"~/log/a\.bc$", "what goes across its limit is not lost between two looks"
     assert near_limit([hot, was])[1].endswith("or beyond; 1 was beyond, which nobody has seen")
-    assert near_limit([was])[1].startswith("none of 1 signal with limits is within a tenth")
+    assert near_limit([was])[1] == "1 was beyond, which nobody has seen; none of 1 signal with limits is near one now"
 
 
 async def test_the_line_below_tells_of_what_is_near_a_limit_in_words(fake, opened):
