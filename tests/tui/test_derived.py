@@ -255,7 +255,7 @@ async def test_what_is_typed_as_a_whole_is_done_and_what_is_not_is_asked_for(scr
     assert not screen.app.screen.is_modal
     await screen.enter("/legs")
     await screen.press("colon", *"derive warm imu/temperature > 2", "enter")
-    await screen.shows("'/warm' is derived: imu/temperature > 2; the filter hides it")
+    await screen.shows("'/warm' is derived: imu/temperature > 2; the filter hides it: Esc shows all")
     await screen.press("/")
     await screen.enter("warm")
     await screen.until(lambda: "the filter hides it" not in screen.text, "no word of another filter")

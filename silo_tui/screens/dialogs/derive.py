@@ -67,7 +67,7 @@ async def ask_derived(context: Context, session: Session, one: Derived, *, is_wh
         await session.reload()
         row = session.table.row(derived.named(session.table, made.name).name)
         if row is not None and not session.rows.move_to_row(row):
-            said += "; the filter hides it"
+            said += "; the filter hides it: Esc shows all"
         context.say(said)
 
     await taken(context, form, send, one if is_whole else None)
