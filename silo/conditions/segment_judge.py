@@ -221,10 +221,13 @@ class SegmentJudge:
         last = trigger.capture.fires[-1] if trigger.capture else None
         hz = self.reader.schema.frequency_hz
         left_s = trigger.holdoff_left(tick) / hz if state is TriggerWord.HOLDOFF else 0.0
-        begun = trigger.capture.first if trigger.capture and state is TriggerWord.FIRING else tick
+        capturing_s = 0.0
+        if trigger.capture and state is TriggerWord.FIRING:  # by its stamps: a loop may be slower than it should be
+            begun_ns = self.reader.stamp_of(trigger.capture.first) or trigger.capture.fires[0].time_ns
+            capturing_s = max(0, self.reader.stamp_of(tick - 1) - begun_ns) / 1e9 + 1 / hz
         return TriggerStatus(
             one.options, state, trigger.fires, trigger.captures, last.tick if last else -1, last.time_ns if last else 0,
-            left_s, why, whole=_whole(trigger, tick), capturing_s=(tick - begun) / hz,
+            left_s, why, whole=_whole(trigger, tick), capturing_s=capturing_s,
         )  # fmt: skip
 
     # ------------------------------------------------------------------------------------------------------ judging

@@ -125,8 +125,10 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         one, found = self.chosen, super().going_on()
         if one is None or one.state is not TriggerWord.FIRING:
             return found
-        post = text.span(one.options.post_s) if one.options.post_s else "0 s"
-        latest = text.span(long_capture_s(one.options))
+        session = self.session  # a capture ends after so many ticks
+        slower = session.status.frequency_hz / session.rate_hz if session.loop_slow else 1.0
+        post = text.span(one.options.post_s * slower) if one.options.post_s else "0 s"
+        latest = text.span(long_capture_s(one.options) * slower)
         ends = f"; {key_of('trigger_toggle')} switches it off, so that it ends" if one.options.armed else ""
         so_far = f", {text.ago(one.capturing_s)} so far" if one.capturing_s else ""
         return [
