@@ -1021,15 +1021,23 @@ def test_signals_are_found_in_a_condition_by_name_entry_and_glob(robot):
 
 
 async def test_a_capture_without_end_says_how_long_it_is_and_what_ends_it(fake, opened):
-    fake.trigger_statuses = [replace(FALL, state=TriggerWord.FIRING, capturing_s=14.0)]
+    captures = replace(FALL, state=TriggerWord.FIRING, capturing_s=14.0)
     async with opened(fake.run(5)) as screen:
-        await screen.press("T", shows="fall")
-        await screen.press("enter", shows="its first capture is under way; m plots its signals │")
+        await screen.press("T", "enter", shows="no line is here")
+        for fake.trigger_statuses in ([captures], [replace(captures, files=("/logs/fall.silo",))]):
+            await screen.session.refresh_conditions()
+            screen.app.screen.show()
+            assert screen.app.screen.message.said == "", "what was said is over"
+            if not fake.trigger_statuses[0].files:
+                await screen.press("enter", shows="its first capture is under way; m plots its signals │")
         await screen.shows("fall captures, 14 s so")
-        await screen.shows("the file is written 1 s after the last fire, or after 60 s")
-        screen.session.measured_hz = screen.session.status.frequency_hz / 2
-        screen.app.screen.show_words()
-        assert "the file is written 2 s after the last fire, or after 2 min" in screen.app.screen.message.told[-1]
+        for slow, words in (
+            (1, "1 s after the last fire, or after 60"),
+            (2, "2 s after the last fire, or after 2 min"),
+        ):
+            screen.session.measured_hz = screen.session.status.frequency_hz / slow
+            screen.app.screen.show_words()
+            assert f"the file is written {words}" in screen.app.screen.message.told[-1]
 
 
 async def test_a_condition_is_tried_before_the_trigger_has_a_name(fake, screen):

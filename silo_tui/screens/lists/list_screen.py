@@ -58,6 +58,7 @@ class ListScreen(SiloScreen, Generic[LineT]):
         self.asked = ""  # the filter
         self.message = ListLine(self.words_share)
         self._order, self._turned = self.orders[0], False
+        self._passing: tuple[str, Callable[[], object]] = "", bool  # what was said, and whether that is over
 
     def compose(self) -> ComposeResult:
         yield from self.above()
@@ -225,6 +226,11 @@ class ListScreen(SiloScreen, Generic[LineT]):
         """Draw the line of words: marks, filter and order where there are some, and what was said last."""
         if self._pruning:
             return  # as above
+        words, over = self._passing
+        if words and over():
+            self._passing = "", bool
+            if self.message.said == words:
+                self.message.say("")
         parts = [f"{len(self.marks.keys)} marked", unmark_words()] if self.marks.keys else []
         parts += [f"/{self.asked}: {len(self.shown)} of {len(self.all)}"] if self.asked else []
         parts += [f"by {self._order.name}"] if self._order is not self.orders[0] or self._turned else []
@@ -249,8 +255,13 @@ class ListScreen(SiloScreen, Generic[LineT]):
     def here(self) -> LineT | None:
         """Return the line under the cursor for a key that is about it; says so where there is none."""
         if (one := self.chosen) is None:
-            self.say("no line is here")
+            self.say_until("no line is here", lambda: self.chosen)
         return one
+
+    def say_until(self, words: str, over: Callable[[], object]) -> None:
+        """Say what is so until `over` tells that it is no longer."""
+        self._passing = words, over
+        self.say(words)
 
     @property
     def chosen_key(self) -> str:

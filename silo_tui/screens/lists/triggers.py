@@ -195,7 +195,10 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         one = self.here()
         if one is not None and not one.files:
             why = "its first capture is under way" if one.capturing_s else f"{one.options.name} has no capture yet"
-            self.say(f"{why}; {key_of('plot_conditions')} plots its signals")
+            self.say_until(
+                f"{why}; {key_of('plot_conditions')} plots its signals",
+                lambda: any(each.files and each.options.name == one.options.name for each in self.session.triggers),
+            )
         elif one is not None:
             what = f"opening the last capture of {one.options.name}"
             self.context.open_over(self, what, open_capture, self.context, self.session, one)
