@@ -69,16 +69,13 @@ def may_paint(app: App[Any], wished_hz: float) -> bool:
 
 
 def thin_head(app: App[Any], room: int) -> str:
-    """Return what the head says of a thin link, or of a computer too busy to paint as often as is wished.
+    """Return what the head says of a thin link, or of a computer that does not paint as often as is wished.
 
-    `THIN 1.2 of 5 Hz 64 kbit/s 210 ms`, as much of it as has room, `BUSY drawn 1.2 of 5 Hz` where it is not the link,
-    `DRAWN 1.2 of 5 Hz` where neither is known to be why; empty where all is shown.
+    `THIN 1.2 of 5 Hz 64 kbit/s 210 ms`, as much of it as has room, `DRAWN 1.2 of 5 Hz` where it is not known to be the
+    link; empty where all is shown.
     """
     driver = _driver_of(app)
-    if driver is None:
-        return ""
-    told = driver.busyness.is_told
-    return head_words(driver.thinness, driver.painted, link_words(driver.pacer), room, busy=told)
+    return head_words(driver.thinness, driver.painted, link_words(driver.pacer), room) if driver is not None else ""
 
 
 def thin_words(app: App[Any], wished_hz: float) -> str:

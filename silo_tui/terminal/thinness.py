@@ -137,19 +137,12 @@ class Busyness:
 
     def __init__(self) -> None:
         self._waited: deque[tuple[float, float]] = deque()  # when, and for how long in all until then
-        self._busy_s = float("-inf")  # when it was last
 
     def note(self, waited_s: float, now_s: float) -> None:
         """Take for how long it has waited in all."""
         self._waited.append((now_s, waited_s))
         while self._waited[0][0] < now_s - BUSY_S:
             self._waited.popleft()
-        self._busy_s = now_s if self.is_busy else self._busy_s
-
-    @property
-    def is_told(self) -> bool:
-        """Whether that is so, or was a moment ago."""
-        return bool(self._waited) and self._waited[-1][0] <= self._busy_s + TOLD_S
 
     @property
     def is_busy(self) -> bool:
@@ -160,15 +153,14 @@ class Busyness:
         return after_s - before_s > BUSY_SHARE * (end_s - begin_s)
 
 
-def head_words(thinness: Thinness, painted: Painted, link: list[str], room: int, *, busy: bool = False) -> str:
-    """Return what the head says, in `room` cells: that the link is thin, or the processors are busy, the rate, what is
-    known of the link. Where neither is known to be why, the rate says all.
+def head_words(thinness: Thinness, painted: Painted, link: list[str], room: int) -> str:
+    """Return what the head says, in `room` cells: that the link is thin, the rate, what is known of the link. Where the
+    link isn't why, the rate says all.
     """
-    if not thinness.step and not painted.words:
-        return ""
-    if not thinness.step and not busy:
-        return told if len(told := f"DRAWN {painted.words}") <= room else ""
-    parts = list(filter(None, ["THIN", painted.words, *link])) if thinness.step else ["BUSY", f"drawn {painted.words}"]
+    if not thinness.step:
+        told = f"DRAWN {painted.words}" * bool(painted.words)
+        return told if len(told) <= room else ""
+    parts = list(filter(None, ["THIN", painted.words, *link]))
     while len(parts) > 1 and len(" ".join(parts)) > room:
         parts.pop()  # a number that is cut would be another one
     return " ".join(parts)

@@ -74,7 +74,7 @@ def test_no_group_is_divided_where_that_makes_no_column_much_longer():
     assert "(more)" in page(entries("events", everywhere=False), 160).plain  # half as long again
 
 
-@pytest.mark.parametrize("sign", ["BUSY", "DRAWN", "THIN", "since the cut"])
+@pytest.mark.parametrize("sign", ["DRAWN", "THIN", "since the cut"])
 def test_every_sign_of_the_first_line_is_explained(sign):
     told = [one for one in entries("table", everywhere=False) if one.group == "First line"]
     assert any(sign in f"{one.left} {one.right}" for one in told)
@@ -105,7 +105,7 @@ async def test_each_word_and_sign_of_the_first_screen_is_found_in_help(fake, ope
     async with opened(fake, size=(width, 24)) as screen:
         session = screen.session
         session.status = msgspec.structs.replace(session.status, recorders=1)
-        for slow, busy in ((1.0, "BUSY drawn 1.2 of 5 Hz"), (0.9, "THIN 64 kbit/s")):
+        for slow, busy in ((1.0, "DRAWN 1.2 of 5 Hz"), (0.9, "THIN 64 kbit/s")):
             session.measured_hz = slow * session.status.frequency_hz
             head = f"{screen.app.screen.status_bar._line().plain} {busy}".split()[2:]  # behind silo and its name
             titles = next(line for line in screen.text.splitlines() if "↑name" in line).split()
@@ -114,7 +114,7 @@ async def test_each_word_and_sign_of_the_first_screen_is_found_in_help(fake, ope
 
 
 @pytest.mark.parametrize(
-    ("words", "left"), [("500/500", "488/500"), ("busy", "BUSY"), ("vector", "norm"), ("03:12", "●")]
+    ("words", "left"), [("500/500", "488/500"), ("busy", "DRAWN"), ("vector", "norm"), ("03:12", "●")]
 )
 def test_numbers_of_the_first_screen_are_found_whatever_they_are_now(words, left):
     found = [line.left for line in entries("table", everywhere=False) if line.holds([words])]

@@ -418,8 +418,8 @@ def test_a_narrow_head_leaves_whole_words_out(room, words):
     assert head_words(thin, slow, ["64 kbit/s", "210 ms"], room) == words
     thin.step = 0
     assert head_words(thin, slow, ["64 kbit/s", "210 ms"], 60) == "DRAWN 0.0 of 5 Hz"
+    assert head_words(thin, Painted(), ["64 kbit/s"], 60) == ""
     assert head_words(thin, slow, [], 6) == ""  # alone the word says nothing
-    assert head_words(thin, slow, [], 6, busy=True) == "BUSY"
 
 
 def test_nothing_is_told_of_a_rate_before_it_was_measured():
@@ -455,20 +455,7 @@ def test_processors_are_busy_where_one_waits_for_them():
     assert found.is_busy
     for tick in range(15):  # and no more when that is over
         found.note(3.0, 10 + tick / 5)
-    assert (found.is_busy, found.is_told) == (False, True)  # but for the head, whose words don't come and go
-    found.note(3.0, 25.0)
-    assert not found.is_told
-
-
-def test_a_busy_computer_is_no_thin_link():
-    slow = Painted()
-    for tick in range(30):
-        slow.note(5.0, painted=False, now_s=tick / 5)
-    assert head_words(Thinness(), slow, ["64 kbit/s"], 60, busy=True) == "BUSY drawn 0.0 of 5 Hz"
-    assert head_words(Thinness(), Painted(), [], 60, busy=True) == ""
-    thin = Thinness()
-    thin.step = 1
-    assert head_words(thin, slow, ["64 kbit/s"], 60, busy=True) == "THIN 0.0 of 5 Hz 64 kbit/s"
+    assert not found.is_busy
 
 
 @pytest.mark.parametrize(("waits", "answers", "thin"), [(0.0, 1, True), (0.5, 1, False), (0.0, 0, False)])
@@ -514,7 +501,7 @@ def test_a_terminal_on_this_very_computer_has_no_link_that_could_be_thin(monkeyp
     if not driver.thinness.step:  # and where processors are what is late, that is said
         driven(monkeypatch, 0.5, 1, driver, 10.0)
         assert driver.busyness.is_busy
-        assert head_words(driver.thinness, driver.painted, [], 60, busy=True) == "BUSY drawn 0.0 of 5 Hz"
+        assert head_words(driver.thinness, driver.painted, [], 60) == "DRAWN 0.0 of 5 Hz"
 
 
 def lagging(answers):

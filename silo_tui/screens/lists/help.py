@@ -52,8 +52,7 @@ HEAD = (
     ("read-only", "nothing can be changed from here; who may is told"),
     ("PAUSED SCOPE FILE", "of plots: they stand still, show crossings, are of a saved file"),
     ("THIN 1.2 of 5 Hz", "the link takes so many pictures a second, carries kbit/s, answers after ms; keys go first"),
-    ("BUSY drawn 1.2 of 5 Hz", "this computer is too busy to draw as often as it should; not the link"),
-    ("DRAWN 1.2 of 5 Hz", "it is drawn less often than it should be, and neither is known to be why"),
+    ("DRAWN 1.2 of 5 Hz", "your terminal is drawn less often, mostly as its computer is busy; the robot is not slowed"),
 )  # fmt: skip
 COLUMNS = (
     ("name in /legs", "all that are shown begin so"), ("▼ legs 412, ►", "a branch of so many, or a vector; folded: ►"),
