@@ -18,7 +18,7 @@ HELD_PERIODS = 100  # a slow loop is late by many: so far back the sample is loo
 
 @dataclass(frozen=True)
 class Between:
-    """Facts of a signal from A to B; NaN where there is none. `samples` are those between, both ends included.
+    """Facts of a signal from A to B; NaN where there is none. `samples` are those that held from the one to the other.
 
     `not_finite` of these are NaN, which is left out, or infinite.
     """
@@ -39,8 +39,8 @@ class Between:
 class Measuring:
     """Adds up a signal from A to B, whichever is earlier; of texts only how many there are.
 
-    At a cursor counts the sample that held then. NaN is left out; of infinite ones, as everywhere, extremes, mean and
-    RMS are infinite, too, and there is no deviation.
+    At a cursor counts the sample that held then, with which the statistics begin. NaN is left out; of infinite ones, as
+    everywhere, extremes, mean and RMS are infinite, too, and there is no deviation.
     """
 
     def __init__(self, a_ns: int, b_ns: int) -> None:
@@ -51,19 +51,25 @@ class Measuring:
         # as shares of the largest one: neither 1e300 nor 1e-300 squared is a float
         self._size = self._mean = self._squares = self._spread = 0.0
         self._numbers = True
+        self._begun: NDArray[Any] = np.zeros(0)  # what held at the earlier one, as far as it is known
 
     def feed(self, time_ns: NDArray[np.int64], values: NDArray[Any]) -> None:
         """Add the next samples, oldest first, from before the earlier moment on; both arrays of shape `(n,)`."""
-        first = int(np.searchsorted(time_ns, min(self._a_ns, self._b_ns), "left"))
-        last = int(np.searchsorted(time_ns, max(self._a_ns, self._b_ns), "right"))
-        self._samples += last - first
-        if values.dtype.kind in "SUVMm":
-            self._numbers = False
-            return
-        floats = as_floats(values)
-        self._at_a = _held(time_ns, floats, self._a_ns, self._at_a)
-        self._at_b = _held(time_ns, floats, self._b_ns, self._at_b)
-        inside = floats[first:last]
+        first, last = (int(np.searchsorted(time_ns, at_ns, "right")) for at_ns in sorted((self._a_ns, self._b_ns)))
+        if first:
+            self._begun = values[first - 1 : first].copy()
+        if self._take(values[first:last]):
+            floats = as_floats(values)
+            self._at_a = _held(time_ns, floats, self._a_ns, self._at_a)
+            self._at_b = _held(time_ns, floats, self._b_ns, self._at_b)
+
+    def _take(self, values: NDArray[Any]) -> bool:
+        """Add these samples; False where they are no numbers."""
+        self._samples += len(values)
+        self._numbers = values.dtype.kind not in "SUVMm"
+        if not self._numbers:
+            return False
+        inside = as_floats(values)
         finite = inside[np.isfinite(inside)]
         self._not_finite += len(inside) - len(finite)
         if len(finite) < len(inside):
@@ -71,6 +77,7 @@ class Measuring:
             self._largest = max(self._largest, float(np.fmax.reduce(inside, initial=-math.inf)))
         if len(finite):
             self._add(finite)
+        return True
 
     def _add(self, finite: NDArray[np.float64]) -> None:
         self._smallest = min(self._smallest, float(finite.min()))
@@ -91,6 +98,9 @@ class Measuring:
     @property
     def found(self) -> Between:
         """The facts of what was added."""
+        if len(self._begun):
+            self._take(self._begun)
+            self._begun = self._begun[:0]
         if not self._numbers:
             return Between(samples=self._samples)
         seconds, difference = (self._b_ns - self._a_ns) / 1e9, self._at_b - self._at_a

@@ -74,8 +74,8 @@ class SearchRequests(Caller):
         """Measure signals between two moments in every sample that is held; the helper process adds up.
 
         By name: what held at A and at B, difference and slope per second, mean, standard deviation, root mean square,
-        smallest and largest of the finite samples between, both ends included, and how many there are. `pins` and `run`
-        are those of `find`.
+        smallest and largest of the finite samples from the one that held at the earlier moment on, and how many there
+        are. `pins` and `run` are those of `find`.
         """
         request = MeasureSpan(
             names=texts("names", names, "['/log/joints/q_0']"), a_ns=a_ns, b_ns=b_ns, pins=[pin.id for pin in pins],
