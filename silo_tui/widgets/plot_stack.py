@@ -80,6 +80,7 @@ class PlotStack(Guarded, Styled):
         self._drawn: dict[int, list[Segment]] = {}
         self._drawn_for = Size(0, 0)
         self._drawn_end = 0  # of the store
+        self._right_width = self.right_width  # that was drawn
         self._happened: dict[frozenset[str], dict[int, str]] = {}  # by the signals that it happened to
         self._happened_key: tuple[int, ...] = ()
 
@@ -105,6 +106,10 @@ class PlotStack(Guarded, Styled):
         """Columns of a curve: two per cell."""
         return 2 * self.plot_width
 
+    def place_cursor(self) -> None:
+        """Have the cursor in the column of its moment, where it has one."""
+        self.window.place_cursor(self.store.end, self.store.column_ns, self.columns)
+
     def redraw(self) -> None:
         """Everything anew."""
         self._forget_drawn()
@@ -116,8 +121,12 @@ class PlotStack(Guarded, Styled):
         self._forget_drawn()
 
     def _forget_drawn(self) -> None:
+        """Have everything drawn anew; with another margin other columns are asked for."""
         self._drawn_panels.clear()
         self._drawn, self._drawn_end = {}, self.store.end
+        if self._right_width != (width := self.right_width):
+            self._right_width = width
+            self.post_message(self.Resized())
 
     def advance(self) -> None:
         """New columns came: only lines that look different are painted.
@@ -145,6 +154,7 @@ class PlotStack(Guarded, Styled):
             self._drawn_for = self.size
             self._forget_drawn()
         if y not in self._drawn:
+            self.place_cursor()  # in what is drawn now, whatever it was placed in
             self._drawn[y] = self._segments(y)
         return self._drawn[y]
 
@@ -394,7 +404,7 @@ class PlotStack(Guarded, Styled):
     # --------------------------------------------------------------------------------------------------- mouse
 
     class Resized(Message):
-        """It has more lines, or fewer: other plots may fit."""
+        """It has more lines, or fewer: other plots may fit; or there is another width for the curves."""
 
     def on_resize(self) -> None:
         self.post_message(self.Resized())

@@ -232,6 +232,10 @@ def test_cursor_b_is_in_the_picture_or_on_the_side_that_is_told(columns_ago, the
     assert (stack.other_cursor is not None) is there
     assert re.findall("←?B→?", stack.text[-1]) == [told]
     assert stack.text[-1].strip().startswith(told) or not told.startswith("←")
+    stack.window.at_ns = stack.window.other_ns  # A is where B is, in what is drawn now
+    stack.fill(60)
+    assert stack.text
+    assert stack.window.cursor == stack.other_cursor
     stack.store = ColumnStore((), 1, 1)
     assert stack.other_cursor is None
 
@@ -412,6 +416,10 @@ def test_the_wheel_goes_on_or_zooms(ctrl, stack):
     assert done == (["wider", "closer"] if ctrl else ["plot_down", "plot_up"])
 
 
-def test_another_size_is_told(stack):
+def test_another_size_and_another_margin_are_told():
+    stack = Stack(HEAT)
     stack.on_resize()
-    assert isinstance(stack.posted[0], PlotStack.Resized)
+    stack.bounds = {HEAT.name: (None, None, 9.0, None)}
+    stack.redraw()
+    stack.redraw()
+    assert [type(each) for each in stack.posted] == [PlotStack.Resized] * 2

@@ -115,9 +115,10 @@ class PlotWindow(msgspec.Struct):
         return True
 
     def place_cursor(self, end: int, column_ns: int, columns: int) -> None:
-        """Say in which column of the picture cursor A is, whose columns end before number `end`."""
-        cursor = -1 if self.at_ns is None else end - 1 - self.at_ns // column_ns
-        self.cursor = cursor if 0 <= cursor < columns else None
+        """Say in which column of the picture the moment of cursor A is, whose columns end before number `end`."""
+        if self.at_ns is not None:
+            cursor = end - 1 - self.at_ns // column_ns
+            self.cursor = cursor if 0 <= cursor < columns else None
 
     def go_on(self) -> None:
         """Follow what comes again."""

@@ -139,8 +139,9 @@ class PlotScreen(SiloScreen):
             return  # another one was asked for meanwhile
         await self._fill_ghost(store)
         self.stack.store, self._loading = store, False
-        await self._fill_texts(end)
         self.moved(elsewhere=False)
+        await self._fill_texts(end)
+        self.stack.redraw()
 
     def _show_held(self, store: ColumnStore) -> None:
         """Show what is here of the picture that is held."""
@@ -348,8 +349,7 @@ class PlotScreen(SiloScreen):
 
     def moved(self, elsewhere: bool = True) -> None:
         """Show the cursor's column in the window that is on the screen, and what an `elsewhere` window shows."""
-        if self.window.paused:
-            self.window.place_cursor(self.stack.store.end, self.stack.store.column_ns, self.stack.columns)
+        self.stack.place_cursor()
         self._read_moment()
         self.stack.redraw()
         self.line.refresh()
