@@ -292,6 +292,12 @@ def why_no_use(key: str, scope: str) -> str:
         return f"{NOT_EDITED}; {key_text(key)} ({there[0].label}): {where(there, scope)[1]}" if there else NOT_EDITED
     if not there:
         were = [each for each in COMMANDS if key in each.keys.split(",")]
+        own = [each for each in commands_for(scope) if scope in each.scopes and each.group not in ("Logger", "Events")]
+        mine = [each for each in own if f" {key}," in f"{each.keys},"]
+        if mine:  # a letter in a menu of this screen, of two that which was its key before
+            one = min(mine, key=lambda each: BY_ID[each.id] not in were)
+            path = next(path for path in one.keys.split(",") if path.endswith(f" {key}"))
+            return f"{key_text(key)} is no key here; {one.label} is {key_text(path)}"
         if were:
             here = [each for each in were if {scope, "any"} & set(each.scopes)]
             at = "" if here else f", a key of {places_of(were[:1])}"

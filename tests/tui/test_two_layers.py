@@ -125,7 +125,11 @@ def test_what_destroys_shares_its_key_with_nothing():
 def test_sentences_and_keys_of_before_name_the_new_place():
     use_keys("two-layer", {"recordings": "F"})
     assert (key_of("toggle"), key_of("recordings"), BY_ID["toggle"].key_text) == ("e t", "F", "t")
-    assert why_no_use("t", "table") == "t is no key here; On/Off is e t"
+    for key, scope, told in (
+        ("t", "table", "On/Off is e t"), ("b", "monitor", "Cursor B is p b"), ("x", "detail", "X-Y is p x"),
+        ("f", "table", "Fold is v f"), ("d", "monitor", "Divider is e d, a key of table"),
+    ):  # fmt: skip
+        assert why_no_use(key, scope) == f"{key} is no key here; {told}"
     use_keys("two-layer", {"zero": "f9"})
     assert why_no_use("f9", "settings") == (
         "F9 (Zero) has no use here: it is a key of table (g h), plots (g h, then m)"
