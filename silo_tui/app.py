@@ -340,9 +340,10 @@ class SiloApp(Guarded, App[None]):
         self.context.run_flow(self.context.session.reload())
 
     def command_detail(self) -> None:
-        self.command_show_as("time")
+        self.show_large("time")
 
-    def command_show_as(self, mode: str) -> None:
+    def show_large(self, mode: str) -> None:
+        """Show the chosen plot alone in a view."""
         from silo_tui.screens.plots.detail import open_large
         from silo_tui.screens.plots.monitor import MonitorScreen
 

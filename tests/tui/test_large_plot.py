@@ -300,13 +300,17 @@ async def test_each_way_of_drawing_is_there_at_once_from_the_plots_also_from_a_p
     await screen.enter("/LF/HAA/torque", "m")
     await screen.curves()
     plots = screen.app.screen
-    told = [("mode_xy", "it needs two plots"), ("mode_spectrum", "resolution"), ("mode_histogram", "median")]
+    told = [("mode_spectrum", "resolution"), ("mode_histogram", "median")]
     for command, shown in (*told, ("pause", "all fetched"), *told):
         screen.app.screen.action_command(command)
         await screen.shows(shown)
         if screen.app.screen is not plots:
             await screen.press("escape")
             await screen.until(lambda: screen.app.screen is plots, "the plots")
+    plots.action_command("mode_xy")  # which asks for another
+    await screen.shows("xy ")
+    await screen.enter("LF/HAA/position", shows="loop area")
+    await screen.shows("x /legs/LF/HAA/torque [Nm]  y /legs/LF/HAA/position")
 
 
 async def test_a_spectrum_without_a_peak_tells_its_highest_line_and_how_others_are_read(screen, monkeypatch, ran_s=20):
@@ -400,8 +404,7 @@ async def test_a_signal_that_is_added_in_it_is_plotted_in_the_monitor_and_comes_
     position = TORQUE.replace("torque", "position")
     async with opened(fake.run(20), size=(120, 30)) as screen:
         below = await open_large(screen)
-        screen.app.screen.action_command("mode_xy")
-        await screen.shows("it needs two plots: m plots another")
+        await screen.press("tab", shows="it needs two plots: m plots another")
         screen.app.screen.action_command(mode)
         await screen.press("m")
         await screen.enter("LF/HAA/position")

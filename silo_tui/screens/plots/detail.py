@@ -330,7 +330,7 @@ class DetailScreen(MonitorScreen):
         self.say(f"{added}: " + ", ".join(f"{key_of(each)} {words}" for each, words in ways.items() if key_of(each)))
 
     def command_mode(self) -> None:
-        self.command_show_as(MODES[(MODES.index(self.mode) + 1) % len(MODES)])
+        self.show_as(MODES[(MODES.index(self.mode) + 1) % len(MODES)])
 
     def on_key(self, event: events.Key) -> None:
         """Say of the key that led here that it leads no further."""
@@ -361,7 +361,7 @@ class DetailScreen(MonitorScreen):
     def value_now(self, command_id: str) -> str:
         return {"level": self.level, "mode": self.mode}.get(command_id, super().value_now(command_id))
 
-    def command_show_as(self, mode: str) -> None:
+    def show_as(self, mode: str) -> None:
         self.mode = mode
         self.line.say("")
         self._found = NOTHING
@@ -544,7 +544,7 @@ class DetailScreen(MonitorScreen):
         return "", self._leave
 
     def _as_entered(self) -> None:
-        self.command_show_as(self._entered_as)
+        self.show_as(self._entered_as)
 
     def _lift_own_cursor(self) -> None:
         self.plot.cursor = self._cursor_hz = None

@@ -1,6 +1,7 @@
 """The monitor: the commands of a plot screen."""
 
 from collections.abc import Callable, Sequence
+from typing import Any, cast
 
 from silo.core.quantities.writing import and_more
 from silo_tui.actions import Command, key_of
@@ -359,7 +360,6 @@ class MonitorScreen(PlotScreen):
         is_on = chosen.numeric and self.session.source.is_live(chosen.element.name)
         vector = len(chosen.element.entries) > 1
         needs = {
-            "mode_xy": (len(self.plots_of_detail) > 1, f"it needs two plots: {key_of('add_plot')} plots another"),
             "isolate_plot": (len(panel) > 1, "it is alone in its plot"),
             "arrange_plots": (self._next_arrangement[0] != stack.panels, "these can't be arranged in another way"),
             "all_entries": (vector, ONE_VALUE),
@@ -434,8 +434,21 @@ class MonitorScreen(PlotScreen):
         self.say("")
         self.fill_soon()
 
+    def command_show_as(self, mode: str) -> None:
+        """Show the chosen plot alone in a view; over another, which is asked for where there is none."""
+        if mode == "x-y" and self.stack.plots and len(self.plots_of_detail) < 2:
+            self.begin_command("xy")
+        else:
+            self.show_as(mode)
+
+    def show_as(self, mode: str) -> None:
+        """Show the chosen plot alone in a view."""
+        cast(Any, self.app).show_large(mode)
+
     def command_add_plot(self, typed: Spelled = BY_KEY) -> None:
-        """Plot more signals, below the others; what stands still goes on with them."""
+        """Plot more signals, below the others; what stands still goes on with them. By `xy` the chosen one is drawn
+        over the first of them.
+        """
         if self._refused("add_plot"):
             return
         if typed is BY_KEY:
@@ -457,7 +470,11 @@ class MonitorScreen(PlotScreen):
         if new:
             if self.pause.source is not None:  # what is held are the plots of when it was
                 self.go_on()
+            chosen = self.stack.chosen
             self.add(new)
+            if typed.word == "xy" and len(self.plots_of_detail) > 1:
+                self.stack.choose(chosen)
+                self.show_as("x-y")
         else:
             self.say("that is plotted already")
 
