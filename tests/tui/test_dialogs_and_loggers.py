@@ -667,10 +667,15 @@ async def test_a_question_that_hears_of_its_size_before_its_choices_do_is_drawn_
 
     monkeypatch.setattr(Question, "on_resize", early)
     monkeypatch.setattr(Choices, "container_size", property(lambda each: sizes[0] if sizes else laid_out(each)))
-    async with opened(fake.run()) as screen:
+    async with opened(fake.run(30), size=(80, 24)) as screen:
         await screen.press("N")
         for choice in ("A trigger", "Limits", "A signal derived from it"):
             await screen.shows(choice)
+        await screen.press("escape")
+        monkeypatch.setattr(Question, "on_resize", lambda *_: None)  # and at once, where it hears of it much later
+        for row in range(3):
+            screen.session.table.edit([row], Field.DIVIDER, 7 + row)
+        await screen.press("a", shows="Discard all edits")
 
 
 class SlowDemo:

@@ -38,7 +38,8 @@ MOVES = "j k Move  PgDn PgUp Scroll  Esc Back"
 MAX_LINES = 400
 MAX_GROUPS = 60
 LARGEST = 2  # groups: at 80x24 what they cost stands below them
-AROUND = 4  # rows: a border, and below title and body
+AROUND = 4  # rows: a border, and below title and body; columns: a border, and beside all
+WIDTH = 72
 FOLLOWS_S = 1.0
 
 
@@ -123,6 +124,8 @@ class Question(Dialog[str | None]):
     def on_mount(self) -> None:
         self.query_one(OptionList).focus()
         self.query_one(OptionList).highlighted = self._begin if self._choices else None
+        if self._about is None:  # before it is drawn: what comes a frame later comes late on a busy computer
+            self._fit(self.app.size.height)
         self.call_after_refresh(self._drawn)
         if self._newer is not None:
             self.set_interval(FOLLOWS_S, partial(run_alone, self, "newer", self._follow, self._newer))
@@ -151,12 +154,12 @@ class Question(Dialog[str | None]):
     def on_resize(self, event: events.Resize) -> None:
         """Let a long body scroll: the choices are always on the screen."""
         if self._about is None:
-            drawn = bool(self.query_one(OptionList).container_size)  # the size of the screen may come before theirs
-            (self._fit if drawn else partial(self.call_after_refresh, self._fit))(event.size.height)
+            self._fit(event.size.height)
 
     def _fit(self, height: int) -> None:
         choices, body = self.query_one(OptionList), self.query(".dialog-body")
-        width = max(1, choices.container_size.width)
+        # as in silo.tcss, where they have none yet: the size of the screen may come before theirs
+        width = max(1, choices.container_size.width or min(WIDTH, self.app.size.width * 96 // 100) - AROUND)
         title, *rows_of = (
             len(each.wrap(self.app.console, width)) for each in (Text(self._title), *map(self._line, self._choices))
         )
