@@ -353,6 +353,7 @@ async def test_the_detail_plot_goes_from_time_to_histogram(monitor):
         await screen.press("tab", shows="r = ")
         await screen.press("tab", shows="SPECTRUM linear")
         await screen.shows("longest whole piece: 3000 of 4000")
+        await screen.shows(" samples  7.5 s ")
         await screen.do("level", "level", shows="0 dB = 1 Nm")
         await screen.do("next_found", shows="peak 1: ")
         await screen.press("tab", shows="median")

@@ -54,6 +54,7 @@ LIVE_SHARE = 0.25  # as often as that takes such a share of the time
 FEW_PEAKS = 6  # as many as two lines of 80 cells hold
 PEAKS_KNOWN = 64  # of which those are told that are drawn
 LEAST_LINES = 8  # of a spectrum that is looked at from near
+WHOLE = 0.95  # of the window, from which on a spectrum is of the time that it shows
 OF_SPECTRA = {"find": "Find peak"}
 
 
@@ -67,6 +68,7 @@ class Analysed:
     peaks: Sequence[Peak] = ()
     top_hz: float = 0.0
     spectrum: Spectrum | None = None  # of the first signal: a cursor reads it
+    seconds: float = math.inf  # that this is of
 
 
 NOTHING = Analysed()
@@ -177,6 +179,8 @@ class DetailScreen(MonitorScreen):
         return f"{LETTERS[place]} " if self.count > 1 else ""
 
     def _place(self) -> str:
+        if self._found.seconds < WHOLE * self.window.span_s:
+            return duration(self._found.seconds)
         if self.file is not None:
             begin_ns, end_ns = self.source.begin_ns, self.source.end_ns
             begin = max(0.0, (self.end_ns - begin_ns) / SECOND_NS - self.window.span_s)
@@ -273,7 +277,8 @@ class DetailScreen(MonitorScreen):
         if first.left_out:
             notes.append(first.left_out)
         notes.append(f"0 dB = 1 {unit}" if self.level == "dB" else f"unit {unit}")
-        return Analysed(drawn, notes, f"Hann {many(len(first.values), 'sample')}", peaks, top_hz, spectra[0])
+        kind = f"Hann {many(len(first.values), 'sample')}"
+        return Analysed(drawn, notes, kind, peaks, top_hz, spectra[0], first.seconds)
 
     async def _pair(self) -> Analysed:
         if len(self.plots) < 2:
