@@ -288,7 +288,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("drop_plot", "x", "Remove", "take the plot off the screen", "Plots", _MONITORS, 10),
     Command("add_plot", "m", "Plot", "plot more signals, added by their names", "Plots", _PLOTS, 9,
             typed=_read(("plot", "xy"), "names", ":plot NAME ...",
-                        "plot more signals, added by their names: their ends, patterns", 6)),
+                        "plot more signals, added by their names; :xy over the chosen one", 6)),
     Command("mode", "tab,v", "View", "over time, x-y, spectrum, histogram", "Large plot", _DETAILS, 1),
     Command("level", "Y", "Log/dB", "y axis by powers of ten; of a spectrum also dB", "Large plot", _DETAILS, 2),
     Command("mode_time", "", "Over time", "the signals over time", "Large plot", _PLOTS, does="show_as", given="time"),

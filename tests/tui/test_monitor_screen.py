@@ -296,7 +296,7 @@ async def test_another_signal_is_plotted_by_its_name_without_leaving_the_plots(f
     fake.run(20)
     async with opened(fake) as screen:
         await open_torque(screen)
-        await screen.press("m", shows="added by their names: their ends")
+        await screen.press("m", shows="added by their names; :xy over")
         await screen.press(*"LF/HAA/pos", "tab", "enter")
         await screen.shows("added /legs/LF/HAA/position; J lays it over the plot above")
         stack = monitor(screen).stack
