@@ -1,6 +1,5 @@
 """The lines of words above the keys: news of the robot, and below the facts of a screen and the answer to a key."""
 
-import re
 import time
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
@@ -25,6 +24,7 @@ from silo_tui.widgets.bars import LONG, FittingLine, LinePart, lines_of
 READ_S = 4.0  # so long answers and news of the robot stand at least; then the next key takes them away
 HELD = "stands still 3 s after a key"
 STAYS = 8  # rank of what gives way last, and stays beside an answer at its shortest
+WORD = 16  # is not cut where it is no longer
 MOST_ROWS = 3  # of news and an answer together: they stand over the rows that they are about
 
 
@@ -35,9 +35,12 @@ def beginning(words: str, room: int, rows: int, console: Console) -> str:
         at = max(words.rfind("; "), words.rfind(". "))
         rest += words[at:] if at > 0 and cell_len(words[at:]) <= 2 / 3 * room * rows else ""
         told = text.held(words)
-        ends = [blank.start() for blank in re.finditer(r"\s", told)] or list(range(len(told)))
-        most = bisect_left(ends, True, key=lambda end: len(lines_of(told[:end] + rest, room, console)) > rows)
-        lines = lines_of(told[: ends[max(0, most - 1)]].rstrip() + rest, room, console)
+        too_far = bisect_left(
+            range(len(told)), True, key=lambda end: len(lines_of(told[:end] + rest, room, console)) > rows
+        )
+        most = max(0, too_far - 1)
+        blank = told.rfind(" ", max(0, most - WORD), most + 1)  # of what has none as much as there is room for
+        lines = lines_of(told[: blank if blank > 0 else most].rstrip() + rest, room, console)
     return "\n".join(lines[:rows])
 
 

@@ -133,6 +133,7 @@ def test_the_head_follows_what_the_logger_tells(change, width, line, desk):
 )  # fmt: skip
 def test_of_what_records_the_head_tells_how_much_is_on_the_disk_where_there_is_room(keep, width, words, desk):
     one = RecorderInfo("all", "/logs/all", RecorderState.RECORDING, size_bytes=21_000_000_000, keep_bytes=keep)
+    one = msgspec.structs.replace(one, written_bytes=21_000_000_000)
     desk.session.recorders = [one, msgspec.structs.replace(one, state=RecorderState.FAILED)]
     assert head(told(desk, recorders=1), width).endswith(f"  {words}")
 

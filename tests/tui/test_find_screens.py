@@ -303,11 +303,11 @@ async def test_of_a_loop_that_jitters_the_holes_well_above_that_are_found_and_ho
 
 
 async def test_the_menu_brackets_what_one_plot_alone_can_t_do(monitor):
-    needing_two = ("join_plots", "mode_xy", "arrange_plots")
+    needing_two = ("join_plots", "arrange_plots")
     async with monitor("LF/torque") as (screen, shown):
         reader = MenuReader(screen.app, lambda: True)
         reader._menu = "menu_plots"
-        assert [letter for letter in "jxia" if f"({letter}) " in reader.picture(shown, 78).plain] == list("jxia")
+        assert [letter for letter in "jia" if f"({letter}) " in reader.picture(shown, 78).plain] == list("jia")
         assert all(map(shown.why_not_now, needing_two))
         await screen.do("join_plots", shows="no next plot to join with")
     async with monitor("LF/torque", "RF/torque") as (screen, shown):

@@ -289,7 +289,7 @@ def test_a_script_is_saved_by_a_name_that_is_asked_for_by_its_key_alone(given, a
     ("line", "says"),
     [
         (":stat", "failed: there is no command 'stat'; did you mean 'start', 'stop'?"),
-        (":xyz", "failed: there is no command 'xyz'; `:help` shows what there is"),
+        (":abcxyz", "failed: there is no command 'abcxyz'; `:help` shows what there is"),
         (":start", "failed: no logger is open"),
         (":", "failed: an empty command; `:help` lists them"),
     ],

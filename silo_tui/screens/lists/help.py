@@ -295,7 +295,8 @@ class HelpScreen(Dialog[None]):
         self._chosen = max(0, min(self._chosen, len(found) - 1))
         held = f'  {len(found)} of {len(here)} hold "{self._words.strip()}"' if words else ""
         variables = self.app.theme_variables
-        told = [Text(words, bold(variables, role)) for role, words in COLOURS.items() if not self.app.no_color]
+        here_too = [role for role in COLOURS if role != "pending" or self._scope not in FILE_SCOPES]
+        told = [Text(COLOURS[role], bold(variables, role)) for role in here_too if not self.app.no_color]
         colours = Text("  ").join([Text("\n Colours:"), *told]) if told else Text("")
         self.query_one("#help-title", Static).update(Text.assemble(f" silo help of {where}{held}", colours))
         chosen = found[self._chosen] if words and found else None
