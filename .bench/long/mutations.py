@@ -58,6 +58,7 @@ MEMORY = Path("/dev/shm")
 THROUGH_ALL = ["tests/files/test_sessions.py", "tests/tui/test_walks.py"]  # they go through most modules
 QUICK = "not slow or through_all"  # the tests that are loaded once
 BUDGET_S = 10.0  # of processor time, of the tests that a fault is tried on
+CHEAP_S = 0.02
 MOST_BYTES = 8 << 30  # of memory: some faults are lists without an end
 MOST_FILE_BYTES = 1 << 30  # or files that fill the memory which they stand in
 PASSED, NOTICED, NO_TESTS, BROKE = 0, 1, 5, 70  # exit statuses; pytest's others tell of modules that can't be loaded
@@ -67,7 +68,6 @@ PRELOADED = (
     "numpy", "zenoh", "msgspec", "yaml", "click", "psutil", "mcap.writer", "mcap.reader", "hypothesis.stateful",
     "textual.app", "textual.widgets", "textual.pilot", "polars", "pyarrow.parquet",
 )  # fmt: skip
-Ranked = tuple[int, bool, bool, float, str]  # its turn, whether it misses the line, whether it is far, seconds, test
 Reached = dict[str, tuple[float, dict[str, int]]]  # test -> its seconds, and the lines of each module as bits
 COMPARED = {
     ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">", ast.Eq: "!=", ast.NotEq: "==",
@@ -400,12 +400,6 @@ class Warm(Some):
         return PASSED
 
 
-def _within(found: list[Ranked], seconds: float) -> list[Ranked]:
-    """Return the first of them that take so long, at least one."""
-    spent = itertools.accumulate((each[3] for each in found), initial=0.0)
-    return [one for one, spent_s in zip(found, spent, strict=False) if spent_s < seconds]
-
-
 def _place(code: CodeType) -> tuple[str, int, str]:
     return code.co_filename, code.co_firstlineno, code.co_name
 
@@ -457,7 +451,7 @@ class Trial:
     def chosen(self, module: str, line: int = 0, function: int = 0) -> list[str]:
         """Return tests of the fast tier that run a line, then those that run its function; without, any of a module.
 
-        Half of their time is for the nearest; of each kind one case comes before the next ones.
+        First come those of the nearest that take no time, then of each kind one case before the next ones.
         """
         near, turns = set(nearest(module)), Counter[str]()
         found = []
@@ -465,13 +459,12 @@ class Trial:
             mask, far = lines.get(module, 0), test.partition("::")[0] not in near
             if (mask >> line | mask >> function) & 1 if line else mask or not far:
                 kind = test.partition("[")[0]
-                found.append((turns[kind], not mask >> line & 1, far, seconds, test))
+                turn = 0 if not far and seconds < CHEAP_S else turns[kind]
+                found.append((turn, not mask >> line & 1, far, seconds, test))
                 turns[kind] += 1
         found.sort()
-        first = _within([one for one in found if not one[2]], BUDGET_S / 2)
-        taken = set(first)
-        left_s = BUDGET_S - sum(seconds for *_, seconds, _ in first)
-        return [test for *_, test in [*first, *_within([one for one in found if one not in taken], left_s)]]
+        spent = itertools.accumulate((seconds for *_, seconds, _ in found), initial=0.0)
+        return [test for (*_, test), spent_s in zip(found, spent, strict=False) if spent_s < BUDGET_S]
 
     @contextmanager
     def _put_in(self, fault: Fault) -> Iterator[tuple[str, str]]:
