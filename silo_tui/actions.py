@@ -447,7 +447,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("later_word", "l,right", "Word after", "the word after", "Settings", _SETTINGS, does="choose_word",
             given=1),
     Command("default_setting", "x", "Default", "as it is without a file", "Settings", _SETTINGS, 4),
-    Command("write_settings", "w", "Write the file", "keep the settings for next time", "Settings", _SETTINGS, 3),
+    Command("write_settings", "w", "Write file", "keep the settings for next time", "Settings", _SETTINGS, 3),
     # ------------------------------------------------------------------------------------------------------ app
     Command("command", "colon", "Command", "type a command, Tab completes it", "Go",
             _TABLE + _MONITOR + _DETAIL + _ASIDE + _LOGGERS + _SETTINGS + _RUNS + _COMPARED + _RESPONSE + _MESSAGES

@@ -156,7 +156,7 @@ _BAR = (  # r; what stands in a menu
 )
 _GIVES_WAY = (
     "full_stop add_plot o minus plus end pagedown pageup w D v detail r monitor mark S space save_data u m h,left "
-    "pause slash trigger_remove alarm_remove e p escape turn_down g r; enter closer a"
+    "write_settings pause slash trigger_remove alarm_remove e p escape turn_down g r; enter closer a"
 )
 BASES: dict[str, Mapping[str, str]] = {"two-layer": TWO_LAYERS, "classic": {}}
 # where the letters mean other things on lists, or are free for keys of the user's own
