@@ -3,7 +3,8 @@
 A 1 kHz loop collects 500 elements and serves them. It runs in turns beside a silo-tui that draws on a pseudo-terminal,
 and beside a control: a process that burns, in as many bursts a second, the processor time that silo-tui, the terminal
 and the helper process took for it. A pair is one turn of each, so that the ratio of their 99.9th percentiles of
-lateness holds where the figures don't. `--nice N` has silo-tui run at that niceness. Linux.
+lateness holds where the figures don't. `--nice N` has silo-tui run at that niceness. With `--at-once 3` the control is
+as many processes that burn a part each at the same moment, as the three that are at work for a frame. Linux.
 """
 
 import argparse
@@ -99,10 +100,11 @@ def look(plots: int, nice: int) -> None:
             terminal.end()
 
 
-def burn(share: float) -> None:
-    """Use a share of a core in bursts until the end of input."""
-    print("looking", flush=True)
-    due = time.monotonic()
+def burn(share: float, at_once: int) -> None:
+    """Use a share of a core in bursts until the end of input, in so many processes that begin theirs together."""
+    due, share = time.monotonic(), share / at_once
+    if all(os.fork() for _ in range(at_once - 1)):  # not in one that was forked
+        print("looking", flush=True)
     while not select.select([sys.stdin], [], [], max(0.0, due - time.monotonic()))[0]:
         due = max(due, time.monotonic() - 1) + 1 / FRAMES_HZ  # what others' processes held up is made good for a second
         end = time.process_time() + share / FRAMES_HZ
@@ -123,13 +125,14 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=180, help="length of a turn")
     parser.add_argument("--plots", type=int, default=0, help="so many plots; 0: the table")
     parser.add_argument("--nice", type=int, default=0)
+    parser.add_argument("--at-once", type=int, default=1, help="processes of the control")
     parser.add_argument("--look", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--burn", type=float, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.look:
         return look(options.plots, options.nice)
     if options.burn is not None:
-        return burn(options.burn)
+        return burn(options.burn, options.at_once)
 
     ticks, share, alone = int(options.seconds * FREQUENCY), 0.2, 0.0
     kinds = ("silo-tui", "control")
@@ -138,7 +141,9 @@ def main() -> None:
     for pair in range(options.pairs):
         for kind in kinds if pair % 2 == 0 else kinds[::-1]:
             role = (
-                ["--look", "--plots", options.plots, "--nice", options.nice] if kind == kinds[0] else ["--burn", share]
+                ["--look", "--plots", options.plots, "--nice", options.nice]
+                if kind == kinds[0]
+                else ["--burn", share, "--at-once", options.at_once]
             )
             found, theirs, helpers = turn(ticks, *role)
             p50, p99, worst = np.percentile(found, [50, 99, 99.9])
