@@ -15,6 +15,7 @@ from silo.core.quantities.writing import wall_clock
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, stamped
 from silo.files.silo.writer import write_silo
 from silo.recordings.requests import SavedRecording
+from silo.rpc.published import EventKind
 from silo_tui.app import SiloApp
 from silo_tui.model.lists.happened import (
     MOST,
@@ -572,3 +573,9 @@ async def test_a_moment_that_a_pause_holds_is_not_gone(fake, screen, ran_s=20):
     await screen.until(lambda: listed.session.status.last_tick_ns == fake.now_ns, "how it stands")
     (one,) = [each for each in listed.shown if each.text == "here"]
     assert not listed._is_gone(one)
+    fake.elements.pop(next(at for at, each in enumerate(fake.elements) if each.name.endswith("/torque")))
+    fake.revision += 1
+    fake.publish(EventKind.EDITED, "another table")
+    await screen.shows("71/71")
+    listed._buffers_s = {}  # as when the list is read again
+    assert not listed._is_gone(one)  # the plots below are of what there is no more

@@ -164,13 +164,7 @@ _LEG = (
 # of the body, its sensors and its mission
 _BODY = (
     DemoSignal(
-        "base.pose",
-        "m",
-        1,
-        LIVE,
-        "base in the world",
-        start=[0.0, 0.0, HEIGHT_M, 0.0, 0.0, 0.0, 1.0],
-        kind="pose",
+        "base.pose", "m", 1, LIVE, "base in the world", start=[0.0, 0.0, HEIGHT_M, 0.0, 0.0, 0.0, 1.0], kind="pose"
     ),
     DemoSignal("base.twist", "m/s", 1, LIVE, "in the base frame", start=np.zeros(6), kind="twist"),
     DemoSignal("base.acceleration", "m/s^2", 1, LIVE, "in the world", start=np.zeros(3)),
@@ -199,13 +193,7 @@ _BODY = (
     ),
     DemoSignal("sensors.angular_velocity", "rad/s", 1, LIVE, start=np.zeros(3), element="imu/angular_velocity"),
     DemoSignal(
-        "sensors.orientation",
-        "-",
-        1,
-        LIVE,
-        start=[0.0, 0.0, 0.0, 1.0],
-        kind="quaternion",
-        element="imu/orientation",
+        "sensors.orientation", "-", 1, LIVE, start=[0.0, 0.0, 0.0, 1.0], kind="quaternion", element="imu/orientation"
     ),
     DemoSignal("sensors.magnetic_field", "uT", 4, start=np.zeros(3, np.float32), element="imu/magnetic_field"),
     DemoSignal("sensors.imu_temperature", "degC", 400, LIVE, start=35.0, dtype="f4", element="imu/temperature"),

@@ -236,11 +236,16 @@ def line(event: LoggedEvent, told: str, width: int, logger: str, names: tuple[st
     return f"{head}{told:<{max(1, room)}}  {who}"[:width]
 
 
+def is_within(event: LoggedEvent, file: SavedRecording) -> bool:
+    """Return whether what was saved has the moment of an event."""
+    return 0 < file.begun_ns <= event.at_ns <= file.begun_ns + file.span_s * 1e9
+
+
 def gone_words(event: LoggedEvent, events: Sequence[LoggedEvent], files: Sequence[SavedRecording] = ()) -> str:
     """Return what to say of a moment whose rows are held no more: which of the `files` has them, the shortest of
     several; where none are known to, what was saved since.
     """
-    holding = [one for one in files if 0 < one.begun_ns <= event.at_ns <= one.begun_ns + one.span_s * 1e9]
+    holding = [one for one in files if is_within(event, one)]
     if holding:
         return f"rows gone; {min(holding, key=lambda one: one.span_s).stem} has them"
     later = [one for one in events if one.run == event.run and one.number > event.number]

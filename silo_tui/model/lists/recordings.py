@@ -16,7 +16,7 @@ from silo.core.names import grouped
 from silo.core.quantities.writing import EPOCH_FROM_NS, size_text
 from silo.files.formats import FORMATS, SAVED
 from silo.recordings.requests import RecordingFile, Recordings, SavedRecording
-from silo_tui.model.lists.happened import RECORDED
+from silo_tui.model.lists.happened import RECORDED, is_within
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
 from silo_tui.model.words.names import fitting_names
@@ -112,13 +112,13 @@ def saves_of_parts(found: Sequence[SavedRecording]) -> dict[str, PartSave]:
 
 def with_markers(found: Sequence[SavedRecording], events: Sequence[LoggedEvent]) -> list[SavedRecording]:
     """Return them, parts of endless recordings with those markers of `events` that lie in them."""
-    markers = [one.at_ns for one in events if one.kind == "marker"]
-
-    def within(one: SavedRecording) -> int:
-        return sum(one.begun_ns <= at_ns <= one.begun_ns + one.span_s * 1e9 for at_ns in markers)
-
-    is_part = [one.why.startswith(RECORDED) and not one.markers for one in found]
-    return [replace(one, markers=within(one)) if part else one for one, part in zip(found, is_part, strict=True)]
+    markers = [one for one in events if one.kind == "marker"]
+    return [
+        replace(one, markers=sum(is_within(marker, one) for marker in markers))
+        if one.why.startswith(RECORDED) and not one.markers
+        else one
+        for one in found
+    ]
 
 
 def marks_text(one: SavedRecording) -> str:

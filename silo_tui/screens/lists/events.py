@@ -109,8 +109,8 @@ class EventsScreen(LoggerList[LoggedEvent]):
     def _buffer_s(self, name: str) -> float:
         """Return how long the buffer of an element is, of what is derived the shortest that it is computed from."""
         table, rate_hz = self.session.table, self.session.rate_hz
-        row = table.row(name)
-        assert row is not None
+        if (row := table.row(name)) is None:  # plots below may be of elements that a new program doesn't have
+            return math.inf
         if expression := table.elements[row].expression:
             sources = named_in(expression, table.elements, table.prefix)
             return min(map(self._buffer_s, sources), default=math.inf)
